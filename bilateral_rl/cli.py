@@ -1,0 +1,105 @@
+"""The command line: it parses, calls the study code and prints."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from bilateral_rl.errors import UserError
+
+app = typer.Typer(
+    help="Two-hemisphere motor controllers on a six-muscle arm, trained with stable-baselines3.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+console = Console()
+errors = Console(stderr=True)
+
+RUNS = Path("runs")
+Run = Annotated[Path, typer.Argument(help="A run folder, such as runs/random_reach/cc_s-ppo-1.")]
+Out = Annotated[Path, typer.Option(help="Folder of all runs.")]
+
+
+@app.command()
+def train(
+    algo: Annotated[str | None, typer.Option(help="Training algorithm: ppo.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="uni_b, uni_dl, uni_ndl, bi_ns, bi_s, cc_ns or cc_s.", show_default="cc_s")
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
+    ] = None,
+    timesteps: Annotated[int | None, typer.Option(help="Environment steps, over all arms.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.")] = None,
+    n_envs: Annotated[int | None, typer.Option(help="Arms simulated at once.")] = None,
+    units: Annotated[int | None, typer.Option(help="Units per hidden layer, over both sides.")] = None,
+    layers: Annotated[int | None, typer.Option(help="Hidden layers.")] = None,
+    threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).")] = None,
+    device: Annotated[str | None, typer.Option(help="cpu or cuda.")] = None,
+    out: Out = RUNS,
+    config: Annotated[Path | None, typer.Option(help="Settings from a YAML or JSON file.")] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting, such as ppo.gamma=0.9.")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Go on with this run; only --timesteps and --device go with it.")
+    ] = None,
+) -> None:
+    """Train a model. The bare command trains cc_s to reach with PPO, in a few minutes."""
+    from bilateral_rl import commands
+
+    flags: dict[str, Any] = {
+        "timesteps": timesteps, "seed": seed, "n_envs": n_envs, "device": device,
+        "network.units": units, "network.layers": layers, "trial.threshold": threshold,
+    }  # fmt: skip
+    if resume is not None:
+        given = {**flags, "algo": algo, "model": model, "task": task, "config": config, "set": overrides or None}
+        commands.resume(resume, given, console)
+        return
+    commands.train(algo, model, task, flags, config, overrides or [], out, console)
+
+
+@app.command()
+def evaluate(
+    run: Run,
+    trials: Annotated[int, typer.Option(help="How many trials.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    deterministic: Annotated[bool, typer.Option(help="Act by the mean, not by sampling.")] = True,
+    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
+    csv: Annotated[Path | None, typer.Option(help="Write one row a trial here.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the table here.")] = None,
+) -> None:
+    """Test a trained model and print its measures at goal radii of 2, 3 and 5 cm and its own."""
+    from bilateral_rl import commands
+
+    commands.evaluate(run, trials, seed, deterministic, weights, csv, json, console)
+
+
+@app.command("list")
+def list_(out: Out = RUNS) -> None:
+    """Show the models, tasks and algorithms there are, and the runs made so far."""
+    from bilateral_rl import commands
+
+    commands.list_all(out, console)
+
+
+def main() -> None:
+    """Entry point of ``bilateral-rl``: errors meant for people are one line and exit code 2."""
+    try:
+        app()
+    except UserError as error:
+        errors.print(f"[red]Error:[/red] {error}", highlight=False, soft_wrap=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        errors.print("Interrupted.")
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""The batched, differentiable arm for PyTorch: state in, state out."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from bilateral_rl.envs.arm.kernels import arm_kernels
+from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
+from bilateral_rl.envs.arm.physics import LENGTH, N_MUSCLE_ROWS, VELOCITY, kernel_parameters
+
+_REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
+
+
+class ArmState(NamedTuple):
+    """State of ``n`` arms."""
+
+    joint: Tensor
+    """(n, 4): shoulder and elbow angle (rad), their velocities (rad/s)."""
+    muscle: Tensor
+    """(n, 7, 6): rows activation, muscle length (m), velocity (m/s), passive force-length, active force-length,
+    normalized active force, force (N). Length and velocity are of the geometry one step before ``joint``."""
+    cartesian: Tensor
+    """(n, 4): hand x, y (m) and their velocities (m/s), of ``joint``."""
+
+
+class Arm:
+    """Planar two-joint, six-muscle arm (paper section 2), batched and differentiable.
+
+    Args:
+        parameters: physical constants.
+        device: ``"cpu"`` or a CUDA device.
+        dtype: ``torch.float32`` or ``torch.float64``.
+
+    Raises:
+        ValueError: a dtype other than the two.
+    """
+
+    def __init__(
+        self,
+        parameters: ArmParameters | None = None,
+        device: str | torch.device = "cpu",
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
+        if dtype not in _REAL:
+            raise ValueError(f"the arm computes in torch.float32 or torch.float64, not {dtype}.")
+        self.parameters = parameters or ArmParameters()
+        self.device = torch.device(device)
+        self.dtype = dtype
+        self._kernels = arm_kernels(_REAL[dtype])
+        self._p = kernel_parameters(self.parameters, _REAL[dtype])
+        self._optimal_length = self._tensor(self.parameters.optimal_muscle_length)
+        self._max_velocity = self.parameters.normalized_max_velocity * self._optimal_length
+
+    def rest(self, angles: Tensor) -> ArmState:
+        """The state at rest at ``angles`` (n, 2) rad, every muscle at its minimal activation. Not differentiable."""
+        angles = angles.to(self.device, self.dtype)
+        if angles.ndim != 2 or angles.shape[1] != 2:
+            raise ValueError(f"angles must have shape (n, 2), got {tuple(angles.shape)}.")
+        return self.state(torch.cat([angles, torch.zeros_like(angles)], dim=1))
+
+    def state(self, joint: Tensor) -> ArmState:
+        """The state with ``joint`` (n, 4) and every muscle at its minimal activation. Not differentiable."""
+        joint = joint.detach().to(self.device, self.dtype).contiguous()
+        if joint.ndim != 2 or joint.shape[1] != 4:
+            raise ValueError(f"joint must have shape (n, 4), got {tuple(joint.shape)}.")
+        n = len(joint)
+        muscle, cartesian = joint.new_empty(n, N_MUSCLE_ROWS, N_MUSCLES), joint.new_empty(n, 4)
+        arrays = [_as_warp(self._kernels, name, t) for name, t in zip("jmc", (joint, muscle, cartesian), strict=True)]
+        wp.launch(self._kernels.rest, dim=n, inputs=[self._p, *arrays], device=str(self.device))
+        return ArmState(joint, muscle, cartesian)
+
+    def step(self, state: ArmState, excitation: Tensor, load: Tensor | None = None) -> ArmState:
+        """One Euler step of ``parameters.timestep``.
+
+        Args:
+            state: the state at t.
+            excitation: (n, 6), the muscle commands; values outside [min_activation, 1] act as the nearest bound.
+            load: (n, 2), force on the hand (N); none by default.
+
+        Returns:
+            The state at t + 1, differentiable with respect to ``state``, ``excitation`` and ``load``.
+
+        Raises:
+            ValueError: shapes that do not agree.
+        """
+        n = len(state.joint)
+        if load is None:
+            load = state.joint.new_zeros(n, 2)
+        if excitation.shape != (n, N_MUSCLES) or load.shape != (n, 2):
+            raise ValueError(
+                f"for {n} arms excitation must have shape {(n, N_MUSCLES)} and load {(n, 2)}, "
+                f"got {tuple(excitation.shape)} and {tuple(load.shape)}."
+            )
+        out: tuple[Tensor, Tensor, Tensor] = _Step.apply(self, state.joint, state.muscle, excitation, load)  # type: ignore[no-untyped-call]
+        return ArmState(*out)
+
+    def proprioception(self, state: ArmState) -> Tensor:
+        """(n, 12): muscle lengths (optimal lengths), then velocities (maximal velocities)."""
+        return torch.cat(
+            [state.muscle[:, LENGTH] / self._optimal_length, state.muscle[:, VELOCITY] / self._max_velocity], dim=1
+        )
+
+    def _tensor(self, values: Any) -> Tensor:
+        return torch.tensor(values, dtype=self.dtype, device=self.device)
+
+
+class _Step(torch.autograd.Function):
+    """The step kernel and its Warp-generated adjoint as one torch operation."""
+
+    @staticmethod
+    def forward(ctx: Any, arm: Arm, *inputs: Tensor) -> tuple[Tensor, ...]:
+        inputs = tuple(t.detach().to(arm.device, arm.dtype).contiguous() for t in inputs)
+        n = len(inputs[0])
+        outputs = (
+            inputs[0].new_empty(n, 4),
+            inputs[0].new_empty(n, N_MUSCLE_ROWS, N_MUSCLES),
+            inputs[0].new_empty(n, 4),
+        )
+        ctx.arm, ctx.tensors = arm, inputs + outputs
+        _launch_step(arm, inputs + outputs, gradients=None)
+        return outputs
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
+        tensors: tuple[Tensor, ...] = ctx.tensors
+        grad_inputs = [torch.zeros_like(t) for t in tensors[:4]]
+        # Warp adds to the adjoints of what it reads and may clear those of what it wrote, so it gets a copy of ours.
+        _launch_step(ctx.arm, tensors, gradients=[*grad_inputs, *(g.contiguous().clone() for g in grad_outputs)])
+        return (None, *grad_inputs)
+
+
+def _launch_step(arm: Arm, tensors: tuple[Tensor, ...], gradients: list[Tensor] | None) -> None:
+    kernels, names = arm._kernels, "jmeljmc"
+    arrays = [_as_warp(kernels, name, t) for name, t in zip(names, tensors, strict=True)]
+    adjoints = [arm._kernels.physics.Parameters(), *(_as_warp(kernels, n, g) for n, g in zip(names, gradients, strict=True))] if gradients else []
+    wp.launch(
+        kernels.step,
+        dim=len(tensors[0]),
+        inputs=[arm._p, *arrays[:4]],
+        outputs=arrays[4:],
+        adj_inputs=adjoints[:5],
+        adj_outputs=adjoints[5:],
+        adjoint=gradients is not None,
+        device=str(arm.device),
+    )
+
+
+def _as_warp(kernels: Any, name: str, tensor: Tensor) -> wp.array:
+    physics = kernels.physics
+    dtype = {"j": physics.vec4, "c": physics.vec4, "m": kernels.muscles.rows, "e": physics.vec6, "l": physics.vec2}[name]
+    return wp.from_torch(tensor, dtype=dtype, requires_grad=False)

@@ -1,0 +1,157 @@
+"""The Gymnasium face: one arm."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.scene import RENDER_FPS, RENDER_MODES, SceneView
+from bilateral_rl.envs.tasks import Task, Trials, make_task
+from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+
+_ARM = np.zeros(1, dtype=np.int32)
+_TRIAL_OPTIONS = ("start", "goal", "load")
+
+
+class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A planar arm with two joints and six muscles reaches for a target, or holds its hand on one against a load.
+
+    The arm is MotorNet's ``RigidTendonArm26`` with Hill muscles, as in paper section 2; a step is 10 ms.
+
+    ## Action space: Box(-1, 1, (6,), float32)
+
+    | index | muscle | crosses | moves |
+    |---|---|---|---|
+    | 0 | pectoralis | shoulder | flexes |
+    | 1 | deltoid | shoulder | extends |
+    | 2 | brachioradialis | elbow | flexes |
+    | 3 | triceps lateral | elbow | extends |
+    | 4 | biceps | both | flexes |
+    | 5 | triceps long | both | extends |
+
+    An action a commands the excitation (a + 1) / 2 in [0, 1]; values outside [-1, 1] act as the nearest bound.
+
+    ## Observation space: Box((16,), float32)
+
+    | index | quantity | unit | bounds |
+    |---|---|---|---|
+    | 0–5 | muscle length | optimal lengths | 0, 3 |
+    | 6–11 | muscle velocity (lengthening positive) | maximal velocities | −5, 5 |
+    | 12–13 | hand x, y | m | ± reach (0.642) |
+    | 14–15 | target x, y | m | ± reach (0.642) |
+
+    Lengths and velocities are those of the geometry one step ago, the hand's position is present: the delay that the
+    paper's loop itself has. ``feedback_delay`` delays all fourteen sensed numbers further.
+
+    ## Reward
+
+    The negative of the paper's loss terms of the step (section 4), with e the hand's error after the step (m) and u
+    the commanded excitations:
+
+    - dominant: −(5 · 10 mean(e²) + 2 · mean(u²))
+    - non-dominant: −5 · mean|e|
+
+    ``info["vector_reward"]`` is the pair; the reward is its mean, which is minus the combined loss. The weight penalty
+    is a loss on parameters, not a reward.
+
+    ## Start
+
+    ``random_reach``: rest at a posture uniform over the joint range (shoulder 0–135°, elbow 0–155°); the target is
+    the hand position of a second such posture; no load. ``hold_position``: rest on the target at such a posture; a
+    constant load on the hand, each axis uniform in ±``max_load``. Muscles start at activation 0.001.
+
+    ``reset(options={"start": (2,), "goal": (2,), "load": (2,)})`` sets the trial instead: angles in rad of the start
+    posture and of the posture whose hand position is the target (default: the start), and a load in N (default: 0).
+
+    ## End
+
+    Truncation after ``trial_length`` steps; never termination.
+
+    ## Info
+
+    ``vector_reward`` (2,) and ``distance`` to the target (m) at every step; at the trial's last step also
+    ``vector_return`` (2,), ``is_success`` (goal completion), ``speed_to_goal`` (m/step, nan if not reached),
+    ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``.
+
+    Args:
+        task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
+        render_mode: None, ``"rgb_array"`` or ``"human"``.
+        **settings: fields of :class:`~bilateral_rl.envs.trials.TrialSettings`: ``trial_length=50`` (steps),
+            ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``sensory_noise=0.0``, ``motor_noise=0.0``,
+            ``feedback_delay=0`` (steps), ``arm=ArmParameters()``.
+
+    Raises:
+        ValueError: an unknown task or render mode, or a setting outside its range.
+        TypeError: an unknown setting.
+
+    ## Version history
+
+    - v0: first release.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}
+
+    def __init__(self, task: str | Task = "random_reach", render_mode: str | None = None, **settings: Any) -> None:
+        self.settings = TrialSettings(**settings)
+        self.batch = TrialBatch(make_task(task), self.settings, n=1)
+        low, high = self.settings.observation_bounds()
+        self.observation_space = spaces.Box(low, high)
+        self.action_space = spaces.Box(-1.0, 1.0, (N_MUSCLES,))
+        self._view = SceneView(self.batch, render_mode)
+        self.render_mode = render_mode
+        self._steps_left = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        super().reset(seed=seed)
+        draws = self.batch.draw(self.np_random)
+        trials = _given_trial(options) if options else self.batch.task.trials(draws.uniform, self.settings)
+        self.batch.start(_ARM, trials, draws.noise)
+        self._steps_left = self.settings.trial_length
+        self._view.advance()
+        return self.batch.observation[0].copy(), {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        if not self._steps_left:
+            raise RuntimeError("the trial is over: call reset() before the next step().")
+        batch = self.batch
+        batch.step(action)
+        self._steps_left -= 1
+        truncated = self._steps_left == 0
+        info: dict[str, Any] = {
+            "vector_reward": batch.vector_reward[0].copy(),
+            "distance": float(batch.distance[0, -self._steps_left - 1]),
+        }
+        if truncated:
+            info |= final_infos(batch, _ARM)[0]
+        self._view.advance()
+        return batch.observation[0].copy(), float(batch.reward[0]), False, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The present picture (480, 480, 3) in mode "rgb_array"; in mode "human" each step shows it by itself."""
+        return self._view.render()
+
+    def close(self) -> None:
+        self._view.close()
+
+
+def _given_trial(options: dict[str, Any]) -> Trials:
+    unknown = sorted(set(options) - set(_TRIAL_OPTIONS))
+    if unknown or "start" not in options:
+        raise ValueError(f"a trial is set by {', '.join(_TRIAL_OPTIONS)}, 'start' always, got {sorted(options)}.")
+    values = {name: np.asarray(value, dtype=np.float32) for name, value in options.items()}
+    for name, value in values.items():
+        if value.shape != (2,) or not np.isfinite(value).all():
+            raise ValueError(f"{name} must be two finite numbers, got {options[name]!r}.")
+    start = values["start"]
+    load = values.get("load", np.zeros(2, dtype=np.float32))
+    return Trials(start=start[None], goal=values.get("goal", start)[None], load=load[None])

@@ -1,0 +1,159 @@
+"""The natively batched stable-baselines3 face."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.envs.arm_env import ArmEnv
+from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.scene import SceneView
+from bilateral_rl.envs.tasks import Task, make_task
+from bilateral_rl.envs.trial_streams import TrialStreams
+from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+
+
+class ArmVecEnv(VecEnv):
+    """``n_envs`` arms in one kernel launch, as a stable-baselines3 ``VecEnv``.
+
+    Spaces, reward, start and end are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. An arm whose trial ends starts its
+    next one in the same step: the observation returned is the new trial's, and its info holds
+
+    - ``terminal_observation`` (16,) and ``TimeLimit.truncated`` True: the end is a time limit, never a termination;
+    - ``episode``: return ``r``, length ``l`` and time ``t`` as SB3's ``Monitor`` writes them, and the streams' returns
+      ``dominant`` and ``non_dominant``;
+    - ``vector_return`` (2,): the dominant and the non-dominant stream's return;
+    - ``is_success``: goal completion; ``speed_to_goal`` (m/step, nan if not reached), ``time_in_goal`` (steps),
+      ``final_error`` (m).
+
+    Infos of arms in the middle of a trial are empty; the step's vector reward is :attr:`last_vector_reward`.
+
+    Args:
+        n_envs: number of arms.
+        task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
+        render_mode: None, ``"rgb_array"`` or ``"human"``.
+        device: where the arms are simulated, ``"cpu"`` or a CUDA device; observations arrive as NumPy arrays.
+        seed: arm i uses ``seed + i``, so its trials are those of an ``ArmEnv`` reset with that seed.
+        **settings: fields of :class:`~bilateral_rl.envs.trials.TrialSettings`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = ArmEnv.metadata
+
+    def __init__(
+        self,
+        n_envs: int,
+        task: str | Task = "random_reach",
+        render_mode: str | None = None,
+        device: str = "cpu",
+        seed: int | None = None,
+        **settings: Any,
+    ) -> None:
+        self.render_mode = render_mode
+        self.settings = TrialSettings(**settings)
+        self.batch = TrialBatch(make_task(task), self.settings, n_envs, device)
+        low, high = self.settings.observation_bounds()
+        super().__init__(n_envs, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))
+        self._view = SceneView(self.batch, render_mode)
+        self._arms = np.arange(n_envs, dtype=np.int32)
+        self._streams: TrialStreams | None = None
+        self._action = np.zeros((n_envs, N_MUSCLES), dtype=np.float32)
+        self._clock = np.zeros(n_envs, dtype=np.int64)
+        self._began = time.time()
+        if seed is not None:
+            self.seed(seed)
+
+    @property
+    def last_vector_reward(self) -> NDArray[np.float32]:
+        """(n_envs, 2) float32: the last step's dominant and non-dominant reward; their mean was the reward."""
+        return self._vector_reward
+
+    def seed_arms(self, seeds: Sequence[int | None]) -> None:
+        """Give each arm a seed of its own, used at the next reset; :meth:`seed` gives arm i ``seed + i``."""
+        self._seeds = list(seeds)
+
+    def reset(self) -> VecEnvObs:
+        """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset."""
+        if self._streams is None or any(seed is not None for seed in self._seeds):
+            self._streams = TrialStreams(self.batch, self._seeds)
+        self._streams.start(self._arms)
+        self._clock[:] = 0
+        self._view.advance()
+        self._vector_reward = np.zeros((self.num_envs, 2), dtype=np.float32)
+        self._reset_seeds()
+        self._reset_options()
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return self.batch.observation.copy()
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        self._action = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        if self._streams is None:
+            raise RuntimeError("call reset() before the first step().")
+        batch = self.batch
+        batch.step(self._action)
+        self._clock += 1
+        self._vector_reward = batch.vector_reward.copy()
+        reward = batch.reward.copy()
+        done = self._clock >= self.settings.trial_length
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if done.any():
+            finished = self._arms[done]
+            for arm, info in zip(finished, self._final_infos(finished), strict=True):
+                infos[arm] = info
+            self._streams.start(finished)
+            self._clock[finished] = 0
+        self._view.advance()
+        return batch.observation.copy(), reward, done, infos
+
+    def _final_infos(self, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
+        infos = final_infos(self.batch, arms)
+        elapsed = round(time.time() - self._began, 6)
+        for info, observation in zip(infos, self.batch.observation[arms], strict=True):
+            info["terminal_observation"] = observation
+            info["TimeLimit.truncated"] = True
+            dominant, non_dominant = info["vector_return"].tolist()
+            info["episode"] = {
+                "r": (dominant + non_dominant) / 2,
+                "l": self.settings.trial_length,
+                "t": elapsed,
+                "dominant": dominant,
+                "non_dominant": non_dominant,
+            }
+        return infos
+
+    def render(self, mode: str | None = None) -> NDArray[np.uint8] | None:
+        """The first arms side by side (H, W, 3) in mode "rgb_array"; in mode "human" each step shows them."""
+        return self._view.render()
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        return self._view.pictures()
+
+    def close(self) -> None:
+        self._view.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        if list(self._get_indices(indices)) != list(range(self.num_envs)):
+            raise ValueError("the arms of an ArmVecEnv share their attributes: set them for all, without indices.")
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        raise AttributeError(f"ArmVecEnv holds one batch, not {self.num_envs} environments: it has no {method_name!r}.")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
+        # SB3 asks about Monitor, whose statistics the infos already carry.
+        return [wrapper_class is Monitor] * len(list(self._get_indices(indices)))

@@ -1,0 +1,74 @@
+"""What a trial achieved: the paper's three measures and the final error (paper section 3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from bilateral_rl.envs.trials import TrialBatch
+
+STEPS_TO_COMPLETE = 3
+"""Consecutive steps within the threshold that complete a reach."""
+
+
+class TrialMeasures(NamedTuple):
+    """Measures of ``n`` trials."""
+
+    goal_completion: NDArray[np.bool_]
+    """(n,): whether the hand came within the threshold and stayed for three consecutive steps."""
+    speed_to_goal: NDArray[np.float64]
+    """(n,): start-target distance (m) over the steps until the goal was reached, the first of those three steps
+    counted; nan where it never was."""
+    time_in_goal: NDArray[np.int64]
+    """(n,): steps within the threshold."""
+    final_error: NDArray[np.float64]
+    """(n,): distance to the target after the last step (m)."""
+
+
+def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: float) -> TrialMeasures:
+    """Measure trials.
+
+    Args:
+        distance: (n, T), hand to target after each step (m).
+        start_distance: (n,), hand to target at the start (m).
+        threshold: radius of the goal (m).
+    """
+    distance = np.asarray(distance, dtype=np.float64)
+    inside = distance <= threshold
+    stays = _runs_start(inside, STEPS_TO_COMPLETE)
+    completed = stays.any(axis=1)
+    steps = np.where(completed, stays.argmax(axis=1) + 1, np.nan) if stays.shape[1] else np.full(len(inside), np.nan)
+    return TrialMeasures(
+        goal_completion=completed,
+        speed_to_goal=np.asarray(start_distance, dtype=np.float64) / steps,
+        time_in_goal=inside.sum(axis=1),
+        final_error=distance[:, -1],
+    )
+
+
+def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
+    """What the environments' infos say at the end of the trials of ``arms``, one dictionary an arm."""
+    measures = trial_measures(batch.distance[arms], batch.start_distance[arms], batch.settings.threshold)
+    columns = zip(*(column.tolist() for column in measures), strict=True)
+    return [
+        {
+            "vector_return": vector_return,
+            "is_success": completed,
+            "speed_to_goal": speed,
+            "time_in_goal": inside,
+            "final_error": error,
+        }
+        for vector_return, (completed, speed, inside, error) in zip(batch.vector_return[arms], columns, strict=True)
+    ]
+
+
+def _runs_start(inside: NDArray[np.bool_], length: int) -> NDArray[np.bool_]:
+    """(n, T - length + 1): whether ``length`` consecutive steps inside start at each step."""
+    n_starts = max(inside.shape[1] - length + 1, 0)
+    starts = np.ones((len(inside), n_starts), dtype=np.bool_)
+    for offset in range(length):
+        starts &= inside[:, offset : offset + n_starts]
+    return starts

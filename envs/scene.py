@@ -1,0 +1,83 @@
+"""What the environments show: arms of a batch, in every face's render modes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.arm.physics import ACTIVATION
+from bilateral_rl.envs.rendering import Scene, Window, draw, tile
+from bilateral_rl.envs.trials import TrialBatch
+
+RENDER_MODES = ("rgb_array", "human")
+RENDER_FPS = 25
+MAX_DRAWN = 16
+"""Arms drawn of a larger batch: enough to see, and a picture takes milliseconds an arm."""
+
+Picture = NDArray[np.uint8]
+
+
+class SceneView:
+    """Follows the first arms of a batch: keeps their hand paths, draws them, and shows them if the mode is "human".
+
+    Args:
+        batch: the arms.
+        render_mode: None, ``"rgb_array"`` or ``"human"``.
+
+    Raises:
+        ValueError: another mode.
+    """
+
+    def __init__(self, batch: TrialBatch, render_mode: str | None) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"unknown render_mode {render_mode!r}; choose from None, {', '.join(RENDER_MODES)}.")
+        self._batch, self._mode = batch, render_mode
+        self._paths: list[list[NDArray[np.float32]]] = [[] for _ in range(min(batch.n, MAX_DRAWN))]
+        self._window: Window | None = None
+
+    def advance(self) -> None:
+        """The arms moved or started anew."""
+        if self._mode is None:
+            return
+        for path, hand, clock in zip(self._paths, self._batch.hand, self._batch.clock, strict=False):
+            if clock == 0:
+                path.clear()
+            path.append(hand.copy())
+        if self._mode == "human":
+            self._show()
+
+    def render(self) -> Picture | None:
+        """The picture, arms side by side, in mode "rgb_array"; else None."""
+        return tile(self.pictures()) if self._mode == "rgb_array" else None
+
+    def pictures(self) -> list[Picture]:
+        """One (480, 480, 3) RGB picture an arm."""
+        return [self._picture(arm) for arm in range(len(self._paths))]
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _picture(self, arm: int) -> Picture:
+        batch = self._batch
+        scene = Scene(
+            angles=batch.joint[arm, :2],
+            activation=batch.muscle[arm, ACTIVATION],
+            target=batch.target[arm],
+            path=np.array(self._paths[arm]).reshape(-1, 2),
+            threshold=batch.settings.threshold,
+            load=batch.load[arm],
+        )
+        return draw(batch.settings.arm, scene)
+
+    def _show(self) -> None:
+        if self._window is None:
+            self._window = Window(f"bilateral_rl · {self._batch.task.id}", RENDER_FPS)
+        self._window.show(tile(self.pictures()))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_window": None}

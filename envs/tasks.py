@@ -1,0 +1,82 @@
+"""The two tasks: what a trial is drawn from (paper section 3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from bilateral_rl.envs.trials import TrialSettings
+
+Float = NDArray[np.float32]
+
+
+class Trials(NamedTuple):
+    """What sets ``n`` trials apart."""
+
+    start: Float
+    """(n, 2): shoulder and elbow angle at the start (rad); the arm is at rest."""
+    goal: Float
+    """(n, 2): angles (rad) whose hand position is the target."""
+    load: Float
+    """(n, 2): constant force on the hand (N)."""
+
+
+class Task:
+    """A distribution of trials; subclass it for a task of your own.
+
+    Attributes:
+        id: name in commands and run folders.
+        n_uniform: uniform numbers that one trial takes.
+    """
+
+    id: ClassVar[str]
+    n_uniform: ClassVar[int] = 4
+
+    def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
+        """``n`` trials from ``uniform`` (n, n_uniform) in [0, 1)."""
+        raise NotImplementedError
+
+
+class RandomReach(Task):
+    """Reach from one random posture to the hand position of another; no load."""
+
+    id = "random_reach"
+
+    def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
+        return Trials(
+            start=_postures(uniform[:, :2], settings),
+            goal=_postures(uniform[:, 2:], settings),
+            load=np.zeros((len(uniform), 2), dtype=np.float32),
+        )
+
+
+class HoldPosition(Task):
+    """Stay where the hand starts against a constant load, uniform in ±``settings.max_load`` on each axis."""
+
+    id = "hold_position"
+
+    def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
+        start = _postures(uniform[:, :2], settings)
+        load = ((2 * uniform[:, 2:] - 1) * settings.max_load).astype(np.float32)
+        return Trials(start=start, goal=start, load=load)
+
+
+TASKS: dict[str, type[Task]] = {task.id: task for task in (RandomReach, HoldPosition)}
+
+
+def make_task(task: str | Task) -> Task:
+    """The task called ``task``, or ``task`` itself. Raises ValueError naming the valid choices."""
+    if isinstance(task, Task):
+        return task
+    if task not in TASKS:
+        raise ValueError(f"unknown task {task!r}; choose from {', '.join(TASKS)}.")
+    return TASKS[task]()
+
+
+def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float:
+    """Postures (n, 2) uniform over the joint range (rad)."""
+    lower, upper = np.array(settings.arm.joint_lower_limit), np.array(settings.arm.joint_upper_limit)
+    return (lower + uniform * (upper - lower)).astype(np.float32)

@@ -1,0 +1,239 @@
+"""A batch of arms doing trials: the one thing that every environment face wraps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.envs.arm.physics import kernel_parameters
+from bilateral_rl.envs.reward import stream_weights
+from bilateral_rl.envs.tasks import Task, Trials
+from bilateral_rl.envs.trial_kernels import (
+    N_NOISE,
+    N_OBSERVED,
+    N_SENSED,
+    TrialArrays,
+    load_kernels,
+    rows,
+    start_trials,
+    step_trials,
+    vec2,
+    vec4,
+    vec6,
+)
+
+Float = NDArray[np.float32]
+
+_MAX_NORMALIZED_LENGTH = 3.0
+_MAX_NORMALIZED_VELOCITY = 5.0
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """How trials of any task run.
+
+    Args:
+        trial_length: steps in a trial.
+        threshold: radius of the goal (m).
+        max_load: bound of the load on the hand on each axis (N), in the tasks that have one.
+        sensory_noise: standard deviation of the noise on each sensed number, in that number's unit.
+        motor_noise: standard deviation of the noise on each muscle's excitation.
+        feedback_delay: steps by which what is sensed lags behind the arm; the target is seen at once.
+        arm: physical constants.
+
+    Raises:
+        ValueError: a number outside its range.
+    """
+
+    trial_length: int = 50
+    threshold: float = 0.05
+    max_load: float = 10.0
+    sensory_noise: float = 0.0
+    motor_noise: float = 0.0
+    feedback_delay: int = 0
+    arm: ArmParameters = field(default_factory=ArmParameters)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.trial_length, int) or self.trial_length < 1:
+            raise ValueError(f"trial_length must be a whole number of at least 1 step, got {self.trial_length!r}.")
+        if not isinstance(self.feedback_delay, int) or self.feedback_delay < 0:
+            raise ValueError(f"feedback_delay must be a whole number of at least 0 steps, got {self.feedback_delay!r}.")
+        if not 0 < self.threshold < float("inf"):
+            raise ValueError(f"threshold must be a positive distance in m, got {self.threshold!r}.")
+        for name in ("max_load", "sensory_noise", "motor_noise"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise ValueError(f"{name} must be a finite number of at least 0, got {getattr(self, name)!r}.")
+
+    @property
+    def noisy(self) -> bool:
+        """Whether any noise is drawn."""
+        return self.sensory_noise > 0 or self.motor_noise > 0
+
+    def observation_bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(16,) lowest and highest observation; hand and target lie within the arm's reach."""
+        reach = sum(self.arm.link_length)
+        high = [_MAX_NORMALIZED_LENGTH] * N_MUSCLES + [_MAX_NORMALIZED_VELOCITY] * N_MUSCLES + [reach] * 4
+        low = [0.0] * N_MUSCLES + [-_MAX_NORMALIZED_VELOCITY] * N_MUSCLES + [-reach] * 4
+        return np.array(low, dtype=np.float32), np.array(high, dtype=np.float32)
+
+
+class Draws(NamedTuple):
+    """Random numbers of ``k`` trials of one arm, in the order in which its generator yields them."""
+
+    uniform: NDArray[np.float64]
+    """(k, n_uniform) in [0, 1)."""
+    noise: NDArray[np.float64] | None
+    """(k, T + 1, 20) standard normal; None where the settings have no noise."""
+
+
+class TrialBatch:
+    """``n`` arms doing trials of ``task``, each with its own clock.
+
+    On a CPU every array below is a live view of the kernels' memory; on CUDA it is this side's copy, refreshed by
+    each call. Read them, or copy what must outlive the next call.
+
+    Args:
+        task: the distribution of trials.
+        settings: how they run.
+        n: number of arms.
+        device: ``"cpu"`` or a CUDA device.
+
+    Attributes:
+        observation: (n, 16) float32.
+        reward: (n,) float32, mean of the two streams.
+        vector_reward: (n, 2) float32, dominant and non-dominant.
+        vector_return: (n, 2) float32, sums since each trial's start.
+        distance: (n, T) float32, hand to target after each step (m); entries from a trial's clock on are stale.
+        start_distance: (n,) float32 (m).
+        clock: (n,) int32, steps since each trial's start.
+        joint: (n, 4) float32, angles (rad) and velocities (rad/s).
+        muscle: (n, 7, 6) float32, rows as in :class:`~bilateral_rl.envs.arm.ArmState`.
+        hand, target: (n, 2) float32 (m).
+        load: (n, 2) float32 (N).
+        excitation: (n, 6) float32, the last step's commands in [0, 1], before motor noise.
+    """
+
+    observation: Float
+    reward: Float
+    vector_reward: Float
+    vector_return: Float
+    distance: Float
+    start_distance: Float
+    clock: NDArray[np.int32]
+    joint: Float
+    muscle: Float
+    hand: Float
+    target: Float
+    load: Float
+    excitation: Float
+
+    def __init__(self, task: Task, settings: TrialSettings, n: int, device: str = "cpu") -> None:
+        if n < 1:
+            raise ValueError(f"at least one arm is needed, got {n}.")
+        wp.init()
+        self.task, self.settings, self.n, self.device = task, settings, n, device
+        self._on_cpu = wp.get_device(device).is_cpu
+        load_kernels(device)
+        self._p = kernel_parameters(settings.arm, wp.float32)
+        self._arrays = _allocate(settings, n, device)
+        self._action = wp.zeros(n, dtype=vec6, device=device)
+        self._host_action = self._action.numpy()
+        self._host_noise = self._arrays.noise.numpy()
+        self._noise_scale = np.array([settings.sensory_noise] * N_SENSED + [settings.motor_noise] * N_MUSCLES)
+        self._step_command = wp.launch(
+            step_trials,
+            dim=n,
+            inputs=[self._p, stream_weights(), self._action, self._arrays],
+            device=device,
+            record_cmd=True,
+        )
+        self._fetch()
+
+    def draw(self, generator: np.random.Generator, k: int = 1) -> Draws:
+        """The numbers of the next ``k`` trials of one arm (1 where noise is drawn between trials)."""
+        if not self.settings.noisy:
+            return Draws(generator.random((k, self.task.n_uniform)), None)
+        shape = (1, self.settings.trial_length + 1, N_NOISE)
+        return Draws(generator.random((1, self.task.n_uniform)), generator.standard_normal(shape))
+
+    def start(self, arms: NDArray[np.int32], trials: Trials, noise: NDArray[np.float64] | None = None) -> None:
+        """Begin ``trials`` (k of them) on the k ``arms``, with their normal numbers (k, T + 1, 20) if noisy."""
+        if noise is not None:
+            self._host_noise[arms] = noise * self._noise_scale
+            if not self._on_cpu:
+                self._arrays.noise.assign(self._host_noise)
+        wp.launch(
+            start_trials,
+            dim=len(arms),
+            inputs=[
+                self._p,
+                self._arrays,
+                wp.array(arms, dtype=wp.int32, device=self.device),
+                *(wp.array(values, dtype=vec2, device=self.device) for values in trials),
+            ],
+            device=self.device,
+        )
+        if not self._on_cpu:
+            self._fetch()
+
+    def step(self, action: NDArray[np.float32]) -> None:
+        """One step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound."""
+        self._host_action[:] = action
+        if not self._on_cpu:
+            self._action.assign(self._host_action)
+        self._step_command.launch()
+        if not self._on_cpu:
+            self._fetch()
+
+    def __getstate__(self) -> dict[str, Any]:
+        arrays = {name: getattr(self._arrays, name).numpy() for name in _STATE}
+        return {"task": self.task, "settings": self.settings, "n": self.n, "device": self.device, "arrays": arrays}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["task"], state["settings"], state["n"], state["device"])  # type: ignore[misc]
+        for name, values in state["arrays"].items():
+            getattr(self._arrays, name).assign(values)
+        self._host_noise = self._arrays.noise.numpy()
+        self._fetch()
+
+    def _fetch(self) -> None:
+        for name in _OUTPUTS:
+            setattr(self, name, getattr(self._arrays, name).numpy())
+
+
+_OUTPUTS = tuple(TrialBatch.__annotations__)
+_STATE = (*_OUTPUTS, "noise", "sensed")
+
+
+def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
+    length = settings.trial_length
+    shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+        "clock": ((n,), wp.int32),
+        "joint": ((n,), vec4),
+        "muscle": ((n,), rows),
+        "hand": ((n,), vec2),
+        "target": ((n,), vec2),
+        "load": ((n,), vec2),
+        "noise": ((n, length + 1 if settings.noisy else 1, N_NOISE), wp.float32),
+        "sensed": ((n, settings.feedback_delay + 1, N_SENSED), wp.float32),
+        "observation": ((n, N_OBSERVED), wp.float32),
+        "excitation": ((n,), vec6),
+        "vector_reward": ((n,), vec2),
+        "reward": ((n,), wp.float32),
+        "vector_return": ((n,), vec2),
+        "start_distance": ((n,), wp.float32),
+        "distance": ((n, length), wp.float32),
+    }
+    arrays = TrialArrays()
+    for name, (shape, dtype) in shapes.items():
+        setattr(arrays, name, wp.zeros(shape, dtype=dtype, device=device))
+    low, high = settings.observation_bounds()
+    arrays.observation_low = wp.array(low, dtype=wp.float32, device=device)
+    arrays.observation_high = wp.array(high, dtype=wp.float32, device=device)
+    return arrays

@@ -1,0 +1,180 @@
+"""The networks as stable-baselines3 actor-critic policies, for PPO and A2C."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.distributions import SquashedDiagGaussianDistribution
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
+from torch import Tensor, nn
+
+from bilateral_rl.policies.networks import Architecture, MotorNetwork, make_network
+
+
+class BilateralActorCriticPolicy(ActorCriticPolicy):
+    """Actor-critic policy whose actor is one of the paper's networks.
+
+    An action is ``tanh`` of a Gaussian around half the network's output before its sigmoid, rescaled to the action
+    space: as sigmoid(z) = (tanh(z / 2) + 1) / 2, the deterministic action on muscles commanded in [-1, 1] is exactly
+    the network's sigmoid output. The critics are networks of their own and see the same observation.
+
+    Args:
+        observation_space: any space that SB3 flattens.
+        action_space: a bounded Box.
+        lr_schedule: learning rate by remaining progress.
+        architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases below fix it.
+        units: units per hidden layer of the actor, over both sides.
+        layers: hidden layers of the actor.
+        critic_arch: units of each hidden layer of a critic.
+        n_streams: reward streams, a critic for each. The scalar value, SB3's, is the mean of the streams' values.
+        log_std_init: log of the initial standard deviation, before the squashing.
+        **kwargs: as for SB3's ``ActorCriticPolicy``.
+
+    Raises:
+        ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or gSDE.
+    """
+
+    architecture: ClassVar[Architecture] = "bilateral"
+    actor: MotorNetwork
+    critics: nn.ModuleList
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        lr_schedule: Schedule,
+        architecture: Architecture | None = None,
+        units: int = 10,
+        layers: int = 2,
+        critic_arch: tuple[int, ...] = (64, 64),
+        n_streams: int = 1,
+        log_std_init: float = 0.0,
+        use_sde: bool = False,
+        **kwargs: Any,
+    ) -> None:
+        if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
+            raise ValueError(f"the policy commands muscles in a bounded Box, not {action_space}.")
+        if use_sde:
+            raise ValueError("state-dependent exploration (use_sde) is not available for this policy.")
+        self._network: dict[str, Any] = {
+            "architecture": architecture or type(self).architecture,
+            "units": units,
+            "layers": layers,
+        }
+        self.critic_arch = tuple(critic_arch)
+        self.n_streams = n_streams
+        super().__init__(
+            observation_space,
+            action_space,
+            lr_schedule,
+            net_arch=[],
+            ortho_init=False,
+            log_std_init=log_std_init,
+            **kwargs,
+        )
+
+    def _build(self, lr_schedule: Schedule) -> None:
+        assert isinstance(self.action_space, spaces.Box)
+        n_actions = int(self.action_space.shape[0])
+        self._squash_output = True
+        self.action_dist = SquashedDiagGaussianDistribution(n_actions)
+        self.mlp_extractor = _Latents(self.features_dim, n_actions, self._network, self.critic_arch, self.n_streams)  # type: ignore[assignment]
+        self.action_net = nn.Identity()  # type: ignore[assignment]
+        self.value_net = _MeanOfStreams()  # type: ignore[assignment]
+        self.log_std = nn.Parameter(torch.full((n_actions,), float(self.log_std_init)))
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+        # The projection belongs to every update, also those of SB3's own training loops.
+        self.optimizer.register_step_post_hook(lambda *_: self.actor.constrain())
+
+    @property
+    def actor(self) -> MotorNetwork:  # type: ignore[no-redef]
+        """The motor network: lesion it, or load weights trained elsewhere into it."""
+        return self.mlp_extractor.actor  # type: ignore[return-value]
+
+    def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
+        """Every parameter of the policy by owner: the network's three groups, then ``critic_0``, ``critic_1``, ….
+
+        The action's standard deviation, and a features extractor's parameters if there are any, are shared.
+        """
+        groups: dict[str, list[nn.Parameter]] = {k: list(v) for k, v in self.actor.parameter_groups().items()}
+        critics = self.mlp_extractor.critics
+        groups |= {f"critic_{i}": list(critic.parameters()) for i, critic in enumerate(critics)}  # type: ignore[arg-type,union-attr]
+        owned = {id(parameter) for group in groups.values() for parameter in group}
+        groups["shared"] += [parameter for parameter in self.parameters() if id(parameter) not in owned]
+        return groups
+
+    def action_mean(self, obs: PyTorchObs) -> Tensor:
+        """(n, n_actions): mean of the Gaussian before the squashing."""
+        features = super().extract_features(obs, self.pi_features_extractor)
+        return self.mlp_extractor.forward_actor(features)  # type: ignore[no-any-return, operator, arg-type]
+
+    def predict_stream_values(self, obs: PyTorchObs) -> Tensor:
+        """(n, n_streams): the value of each reward stream."""
+        features = super().extract_features(obs, self.vf_features_extractor)
+        return self.mlp_extractor.forward_critic(features)  # type: ignore[no-any-return, operator, arg-type]
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        data = super()._get_constructor_parameters()
+        for name in ("net_arch", "ortho_init", "activation_fn", "squash_output", "full_std", "use_expln"):
+            del data[name]
+        return data | self._network | {"critic_arch": self.critic_arch, "n_streams": self.n_streams}
+
+
+class UnilateralPolicy(BilateralActorCriticPolicy):
+    """:class:`BilateralActorCriticPolicy` with the unilateral network."""
+
+    architecture = "unilateral"
+
+
+class BilateralPolicy(BilateralActorCriticPolicy):
+    """:class:`BilateralActorCriticPolicy` with the bilateral network."""
+
+    architecture = "bilateral"
+
+
+class CallosalPolicy(BilateralActorCriticPolicy):
+    """:class:`BilateralActorCriticPolicy` with the bilateral network and its callosum."""
+
+    architecture = "callosal"
+
+
+class _Latents(nn.Module):
+    """SB3's ``mlp_extractor``: features to half the actor's output, and to the streams' values."""
+
+    def __init__(
+        self, n_inputs: int, n_actions: int, network: dict[str, Any], critic_arch: tuple[int, ...], n_streams: int
+    ) -> None:
+        super().__init__()
+        self.actor = make_network(n_inputs=n_inputs, n_outputs=n_actions, **network)
+        self.critics = nn.ModuleList(_critic(n_inputs, critic_arch) for _ in range(n_streams))
+        self.latent_dim_pi, self.latent_dim_vf = n_actions, n_streams
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: Tensor) -> Tensor:
+        return self.actor(features) / 2  # type: ignore[no-any-return]
+
+    def forward_critic(self, features: Tensor) -> Tensor:
+        return torch.cat([critic(features) for critic in self.critics], dim=1)
+
+
+class _MeanOfStreams(nn.Module):
+    """SB3's ``value_net``: (n, n_streams) to (n, 1)."""
+
+    def forward(self, values: Tensor) -> Tensor:
+        return values.mean(dim=1, keepdim=True)
+
+
+def _critic(n_inputs: int, widths: tuple[int, ...]) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    for width in widths:
+        layers += [nn.Linear(n_inputs, width), nn.ReLU()]
+        nn.init.orthogonal_(layers[-2].weight, gain=2**0.5)  # type: ignore[arg-type]
+        nn.init.zeros_(layers[-2].bias)  # type: ignore[arg-type]
+        n_inputs = width
+    layers.append(nn.Linear(n_inputs, 1))
+    return nn.Sequential(*layers)

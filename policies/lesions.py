@@ -1,0 +1,53 @@
+"""The seven lesions, as reversible states of a network (paper section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Side = Literal["dominant", "non_dominant"]
+SIDES: tuple[Side, Side] = ("dominant", "non_dominant")
+
+
+@dataclass(frozen=True)
+class Lesion:
+    """What a lesion takes away.
+
+    Args:
+        input_of: the side whose input is zero; its biases still flow, also over the callosum.
+        output_of: the side that contributes nothing to the combination; it still sends over the callosum.
+        callosum: whether the exchange between the sides is cut.
+    """
+
+    input_of: Side | None = None
+    output_of: Side | None = None
+    callosum: bool = False
+
+
+INTACT = Lesion()
+
+LESIONS: dict[str, Lesion] = {
+    "shallow_dominant": Lesion(input_of="dominant"),
+    "shallow_non_dominant": Lesion(input_of="non_dominant"),
+    "deep_dominant": Lesion(output_of="dominant"),
+    "deep_non_dominant": Lesion(output_of="non_dominant"),
+    "callosum": Lesion(callosum=True),
+    "callosum_deep_dominant": Lesion(output_of="dominant", callosum=True),
+    "callosum_deep_non_dominant": Lesion(output_of="non_dominant", callosum=True),
+}
+"""The paper's lesions by name."""
+
+RELEASED_LESIONS: dict[str, Lesion] = LESIONS | {
+    "callosum_deep_dominant": Lesion(input_of="dominant", callosum=True),
+    "callosum_deep_non_dominant": Lesion(input_of="non_dominant", callosum=True),
+}
+"""The released code's: its combined lesions zero the side's input, not its output."""
+
+
+def find_lesion(name: str, lesions: dict[str, Lesion] = LESIONS) -> Lesion:
+    """The lesion called ``name`` ("intact" is none). Raises ValueError naming the valid choices."""
+    if name == "intact":
+        return INTACT
+    if name not in lesions:
+        raise ValueError(f"unknown lesion {name!r}; choose from {', '.join(['intact', *lesions])}.")
+    return lesions[name]
