@@ -44,13 +44,15 @@ class EvaluationCallback(BaseCallback):
         evaluation = config.evaluation
         self._evaluator = Evaluator(config.task, config.trial, evaluation.trials, evaluation.seed, config.device)
         self._path = folder.path / "evaluations.csv"
-        self._done = self._read_count()
+        self._done = 0
         self._due = 0
         self._best = -float("inf")
 
     def _on_training_start(self) -> None:
-        self._due = self.num_timesteps
-        self._best = max((float(row["return_mean"]) for row in self._rows()), default=-float("inf"))
+        rows = list(self._rows())
+        self._done = len(rows)
+        self._due = int(rows[-1]["timesteps"]) + self._config.evaluation.every if rows else 0
+        self._best = max((float(row["return_mean"]) for row in rows), default=-float("inf"))
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self._due:
@@ -99,9 +101,6 @@ class EvaluationCallback(BaseCallback):
         if self._path.exists():
             with self._path.open(newline="", encoding="utf-8") as file:
                 yield from csv.DictReader(file)
-
-    def _read_count(self) -> int:
-        return sum(1 for _ in self._rows())
 
 
 class CheckpointCallback(BaseCallback):

@@ -41,6 +41,7 @@ def train(
     layers = [configuration.load_file(config_file)] if config_file else []
     layers += [configuration.parse_overrides(overrides), _nested(flags)]
     config = configuration.resolve(algo, task, layers, model=model)
+    training.check_device(config.device)
     _report_training(config, console, lambda progress: training.train(config, out, progress))
 
 
@@ -53,6 +54,7 @@ def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
     folder = RunFolder.open(path)
     values = folder.config().to_values() | {name: given[name] for name in allowed if given[name] is not None}
     config = configuration.resolve(None, None, [values])
+    training.check_device(config.device)
     _report_training(config, console, lambda progress: training.resume(folder, config, progress))
 
 
@@ -111,7 +113,7 @@ def list_all(out: Path, console: Console) -> None:
 class TrainingProgress:
     """A bar with the remaining time and the present goal completion; lines where there is no terminal."""
 
-    def __init__(self, total: int, done: int, console: Console) -> None:
+    def __init__(self, total: int, console: Console) -> None:
         self._console = console
         self._bar = Progress(
             TextColumn("[bold]training"),
@@ -125,7 +127,7 @@ class TrainingProgress:
             console=console,
             disable=not console.is_terminal,
         )
-        self._task = self._bar.add_task("train", total=total, completed=done, speed="", goal="")
+        self._task = self._bar.add_task("train", total=total, start=False, speed="", goal="")
 
     def __enter__(self) -> TrainingProgress:
         self._bar.start()
@@ -133,6 +135,9 @@ class TrainingProgress:
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
+
+    def on_start(self, timesteps: int) -> None:
+        self._bar.reset(self._task, completed=timesteps)
 
     def on_step(self, timesteps: int) -> None:
         speed = self._bar.tasks[self._task].speed
@@ -153,7 +158,7 @@ def _report_training(config: TrainConfig, console: Console, run: Any) -> None:
         f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}: "
         f"{config.timesteps:,} steps of {config.n_envs} arms, seed {config.seed}. Ctrl-C stops and saves."
     )
-    with TrainingProgress(config.timesteps, 0, console) as progress:
+    with TrainingProgress(config.timesteps, console) as progress:
         outcome: training.Outcome = run(progress)
     path = outcome.folder.path
     speed = f"{outcome.seconds / 60:.1f} minutes"

@@ -46,7 +46,7 @@ class RunFolder:
             (folder.path / "weights").mkdir()
         except OSError as error:
             raise UserError(f"Cannot write a run under {out}: {error.strerror}. Choose another --out.") from None
-        folder.write_text("config.yaml", yaml.safe_dump(config.to_values(), sort_keys=False))
+        folder.write_config(config)
         folder.write_json("versions.json", versions())
         return folder
 
@@ -63,6 +63,10 @@ class RunFolder:
     def name(self) -> str:
         """Its path as a command takes it."""
         return str(self.path)
+
+    def write_config(self, config: TrainConfig) -> None:
+        """Write ``config.yaml``."""
+        self.write_text("config.yaml", yaml.safe_dump(config.to_values(), sort_keys=False))
 
     def config(self) -> TrainConfig:
         """The resolved configuration. Raises UserError if it is damaged."""

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import torch
-from stable_baselines3.common.callbacks import CallbackList
+from gymnasium import spaces
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from torch import Tensor
 
 from bilateral_rl.algorithms import HemisphericPPO
+from bilateral_rl.algorithms.routing import stream_mix
 from bilateral_rl.callbacks import (
     CheckpointCallback,
     EvaluationCallback,
@@ -25,6 +27,7 @@ from bilateral_rl.callbacks import (
 from bilateral_rl.catalogue import find_model
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmVecEnv
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.run_folder import FINAL, RunFolder
@@ -34,6 +37,9 @@ RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
 
 class Progress(Protocol):
     """Who is told how a training comes along."""
+
+    def on_start(self, timesteps: int) -> None:
+        """Training starts with ``timesteps`` environment steps done before."""
 
     def on_step(self, timesteps: int) -> None:
         """``timesteps`` environment steps are done."""
@@ -80,6 +86,7 @@ def resume(folder: RunFolder, config: TrainConfig, progress: Progress) -> Outcom
             f"{folder.path} has done its {done:,} steps; give a larger --timesteps to train it further."
         )
     algorithm = build_algorithm(config)
+    folder.write_config(config)
     load_policy_weights(algorithm.policy, folder.load_weights(str(status.get("weights", FINAL))), folder)
     _restore(algorithm, folder)
     algorithm.num_timesteps = done
@@ -90,8 +97,7 @@ def resume(folder: RunFolder, config: TrainConfig, progress: Progress) -> Outcom
 
 def build_algorithm(config: TrainConfig) -> HemisphericPPO:
     """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
-    if config.device.startswith("cuda") and not torch.cuda.is_available():
-        raise UserError("There is no CUDA device here; use --device cpu.")
+    check_device(config.device)
     torch.set_num_threads(config.threads)
     trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
     env = ArmVecEnv(config.n_envs, config.task, device=config.device, seed=config.seed, **trial)
@@ -119,6 +125,12 @@ def build_algorithm(config: TrainConfig) -> HemisphericPPO:
     )
 
 
+def check_device(device: str) -> None:
+    """Raise a UserError if ``device`` is not there."""
+    if device.startswith("cuda") and not torch.cuda.is_available():
+        raise UserError("There is no CUDA device here; use --device cpu.")
+
+
 def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     """Keyword arguments of the run's policy, but for the number of streams."""
     network = config.network
@@ -133,8 +145,7 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
 
 def load_policy(folder: RunFolder, weights: str = FINAL) -> BilateralActorCriticPolicy:
     """The policy of a run, ready to act. Raises UserError if its weights are missing, damaged or of another shape."""
-    algorithm_config = folder.config()
-    policy = build_policy(algorithm_config)
+    policy = build_policy(folder.config())
     load_policy_weights(policy, folder.load_weights(weights), folder)
     policy.set_training_mode(False)
     return policy
@@ -142,11 +153,6 @@ def load_policy(folder: RunFolder, weights: str = FINAL) -> BilateralActorCritic
 
 def build_policy(config: TrainConfig) -> BilateralActorCriticPolicy:
     """An untrained policy of the run's architecture and sizes, on the CPU."""
-    from gymnasium import spaces
-
-    from bilateral_rl.algorithms.routing import stream_mix
-    from bilateral_rl.envs.arm.parameters import N_MUSCLES
-
     low, high = config.trial.observation_bounds()
     return BilateralActorCriticPolicy(
         spaces.Box(low, high),
@@ -193,6 +199,7 @@ def _run(
             ),
         ]
     )
+    progress.on_start(algorithm.num_timesteps)
     algorithm.set_logger(Logger(str(folder.path), [TensorBoardOutputFormat(str(folder.path))]))
     folder.write_json("status.json", _status(algorithm, RUNNING, folder.status().get("weights")))
     interrupted = False
@@ -251,11 +258,11 @@ def _closing(algorithm: HemisphericPPO) -> Iterator[None]:
         algorithm.env.close()
 
 
-class _ProgressCallback(StopCallback):
-    def __init__(self, on_step: Callable[[int], None]) -> None:
+class _ProgressCallback(BaseCallback):
+    def __init__(self, tell: Callable[[int], None]) -> None:
         super().__init__()
-        self._on_steps = on_step
+        self._tell = tell
 
     def _on_step(self) -> bool:
-        self._on_steps(self.num_timesteps)
+        self._tell(self.num_timesteps)
         return True

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
+from bilateral_rl.envs.arm.warp_start import start_warp
 from bilateral_rl.envs.reward import stream_weights
 from bilateral_rl.envs.tasks import Task, Trials
 from bilateral_rl.envs.trial_kernels import (
@@ -136,7 +137,7 @@ class TrialBatch:
     def __init__(self, task: Task, settings: TrialSettings, n: int, device: str = "cpu") -> None:
         if n < 1:
             raise ValueError(f"at least one arm is needed, got {n}.")
-        wp.init()
+        start_warp()
         self.task, self.settings, self.n, self.device = task, settings, n, device
         self._on_cpu = wp.get_device(device).is_cpu
         load_kernels(device)

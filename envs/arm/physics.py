@@ -13,8 +13,7 @@ import numpy as np
 import warp as wp
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
-
-wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)  # no banner and no compile lines at start-up
+from bilateral_rl.envs.arm.warp_start import start_warp
 
 # Rows of the muscle state, an array (n, 7, 6) or, in Warp, (n, 7) of six-vectors.
 ACTIVATION, LENGTH, VELOCITY, PASSIVE, ACTIVE_LENGTH, ACTIVE_FORCE, FORCE = range(7)
@@ -212,7 +211,7 @@ def arm_physics(real: Any) -> SimpleNamespace:
 
 def kernel_parameters(parameters: ArmParameters, real: Any) -> Any:
     """``parameters`` as the struct that kernels of precision ``real`` take."""
-    wp.init()
+    start_warp()
     physics = arm_physics(real)
     struct = physics.Parameters()
     for name, value in parameters.to_dict().items():

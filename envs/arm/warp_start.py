@@ -1,0 +1,42 @@
+"""Starting Warp without a word, on machines without a GPU too."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import os
+import sys
+from collections.abc import Iterator
+
+import warp as wp
+
+
+@functools.cache
+def start_warp() -> None:
+    """Initialize Warp once; its banner and its regret about a missing CUDA driver are not shown."""
+    wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
+    with contextlib.nullcontext() if _has_cuda_driver() else _muted_stderr():
+        wp.init()
+
+
+def _has_cuda_driver() -> bool:
+    try:
+        ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
+    except OSError:
+        return False
+    return True
+
+
+@contextlib.contextmanager
+def _muted_stderr() -> Iterator[None]:
+    """The driver's absence is reported by native code, past Python's streams and past Warp's log level."""
+    sys.stderr.flush()
+    saved, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(sink)
