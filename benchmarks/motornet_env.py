@@ -1,4 +1,4 @@
-"""The smallest wrapper that lets stable-baselines3 train on MotorNet's own PyTorch arm: the baseline of the benchmarks."""
+"""The smallest wrapper that lets stable-baselines3 train on MotorNet's own PyTorch arm: the benchmarks' baseline."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TRIAL_LENGTH = 50
 
 
 class MotorNetReach(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Random reaching with MotorNet's ``RigidTendonArm26``, the paper's slack length and the combined loss as reward."""
+    """Random reaching with MotorNet's ``RigidTendonArm26``; the paper's slack length, the combined loss as reward."""
 
     def __init__(self) -> None:
         muscle = motornet.muscle.RigidTendonHillMuscle()

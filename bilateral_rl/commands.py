@@ -48,9 +48,10 @@ def train(
 def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
     allowed = ("timesteps", "device")
-    refused = [f"--{name.rpartition('.')[2].replace('_', '-')}" for name, v in given.items() if v is not None and name not in allowed]
-    if refused:
-        raise UserError(f"A resumed run keeps its settings: --resume goes with --timesteps and --device, not {refused[0]}.")
+    for name, value in given.items():
+        if value is not None and name not in allowed:
+            flag = name.rpartition(".")[2].replace("_", "-")
+            raise UserError(f"A resumed run keeps its settings: --resume takes --timesteps and --device, not --{flag}.")
     folder = RunFolder.open(path)
     values = folder.config().to_values() | {name: given[name] for name in allowed if given[name] is not None}
     config = configuration.resolve(None, None, [values])
@@ -161,14 +162,15 @@ def _report_training(config: TrainConfig, console: Console, run: Any) -> None:
     with TrainingProgress(config.timesteps, console) as progress:
         outcome: training.Outcome = run(progress)
     path = outcome.folder.path
-    speed = f"{outcome.seconds / 60:.1f} minutes"
+    minutes = f"{outcome.seconds / 60:.1f} minutes"
     if outcome.interrupted:
-        console.print(f"Stopped after {outcome.timesteps:,} steps and {speed}; saved in [bold]{path}[/bold].")
+        console.print(f"Stopped after {outcome.timesteps:,} steps and {minutes}; saved in [bold]{path}[/bold].")
         console.print(f"Go on with: bilateral-rl train --resume {path}", soft_wrap=True)
         sys.exit(INTERRUPTED_EXIT)
     evaluator = Evaluator(config.task, config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
     record = evaluator.run(outcome.policy)
-    console.print(_measures_table(record, config, f"What {config.model} learned in {speed}, {SUMMARY_TRIALS} new trials"))
+    title = f"What {config.model} learned in {minutes}, {SUMMARY_TRIALS} new trials"
+    console.print(_measures_table(record, config, title))
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
     console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
     console.print(f"  tensorboard --logdir {path.parent.parent}", soft_wrap=True, highlight=False)

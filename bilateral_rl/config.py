@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib.resources
 import math
@@ -191,7 +192,7 @@ def check(config: TrainConfig) -> None:
     _check_ppo(config.ppo, config.n_envs)
     network = config.network
     if not network.critic_arch or min(network.critic_arch) < 1:
-        raise UserError(f"network.critic_arch needs at least one layer of at least one unit, got {network.critic_arch}.")
+        raise UserError(f"network.critic_arch needs a layer or more of a unit or more, got {network.critic_arch}.")
     try:
         make_network(find_model(config.model).architecture, 1, 1, network.units, network.layers)
     except ValueError as error:
@@ -256,10 +257,8 @@ def _convert_scalar(hint: Any, value: Any, name: str) -> Any:
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if isinstance(value, str) and hint in (int, float):
         # YAML reads 1e-3 as a word.
-        try:
+        with contextlib.suppress(ValueError):
             value, is_number = float(value), True
-        except ValueError:
-            pass
     if hint is float and is_number and math.isfinite(value):
         return float(value)
     if hint is int and is_number and math.isfinite(value) and value == int(value):

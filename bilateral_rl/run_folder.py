@@ -56,7 +56,7 @@ class RunFolder:
         if not path.is_dir():
             raise UserError(f"There is no run {path}; `bilateral-rl list` shows those there are.")
         if not (path / "config.yaml").is_file():
-            raise UserError(f"{path} is not a run: it has no config.yaml. `bilateral-rl list` shows the runs there are.")
+            raise UserError(f"{path} is not a run: it has no config.yaml. `bilateral-rl list` shows those there are.")
         return cls(path)
 
     @property
@@ -75,7 +75,10 @@ class RunFolder:
 
     def status(self) -> dict[str, Any]:
         """``status.json``, or an empty dictionary."""
-        return self.read_json("status.json", default={})
+        status = self.read_json("status.json", default={})
+        if not isinstance(status, dict):
+            raise UserError(f"{self.path / 'status.json'} is damaged: it does not hold entries by name.")
+        return status
 
     def save_weights(self, name: str, tensors: Tensors) -> None:
         """Write ``weights/<name>.safetensors``."""

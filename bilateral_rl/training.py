@@ -21,7 +21,6 @@ from bilateral_rl.callbacks import (
     CheckpointCallback,
     EvaluationCallback,
     MonitorCallback,
-    OnEvaluation,
     StopCallback,
 )
 from bilateral_rl.catalogue import find_model
@@ -82,9 +81,7 @@ def resume(folder: RunFolder, config: TrainConfig, progress: Progress) -> Outcom
     if not isinstance(done, int) or not isinstance(status.get("updates", 0), int):
         raise UserError(f"{folder.path / 'status.json'} is damaged: it does not say how far the training came.")
     if done >= config.timesteps:
-        raise UserError(
-            f"{folder.path} has done its {done:,} steps; give a larger --timesteps to train it further."
-        )
+        raise UserError(f"{folder.path} has done its {done:,} steps; give a larger --timesteps to train it further.")
     algorithm = build_algorithm(config)
     folder.write_config(config)
     load_policy_weights(algorithm.policy, folder.load_weights(str(status.get("weights", FINAL))), folder)

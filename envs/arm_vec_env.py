@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -46,7 +46,7 @@ class ArmVecEnv(VecEnv):
         **settings: fields of :class:`~bilateral_rl.envs.trials.TrialSettings`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = ArmEnv.metadata
+    metadata: dict[str, Any] = ArmEnv.metadata
 
     def __init__(
         self,

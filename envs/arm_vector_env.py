@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -16,7 +16,7 @@ from bilateral_rl.envs.tasks import Task
 Float = NDArray[np.float32]
 
 
-class ArmVectorEnv(VectorEnv[Float, Float, NDArray[np.bool_]]):
+class ArmVectorEnv(VectorEnv[Float, Float, NDArray[Any]]):
     """``num_envs`` arms in one kernel launch, as a Gymnasium ``VectorEnv``; what ``gymnasium.make_vec`` gives.
 
     Spaces, reward, start, end and info are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. Autoreset is same-step: where
@@ -29,7 +29,7 @@ class ArmVectorEnv(VectorEnv[Float, Float, NDArray[np.bool_]]):
         device: ``"cpu"`` or a CUDA device.
     """
 
-    metadata: ClassVar[dict[str, Any]] = ArmEnv.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata: dict[str, Any] = ArmEnv.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
 
     def __init__(
         self,

@@ -39,7 +39,7 @@ def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: fl
     distance = np.asarray(distance, dtype=np.float64)
     inside = distance <= threshold
     stays = _runs_start(inside, STEPS_TO_COMPLETE)
-    completed = stays.any(axis=1)
+    completed = np.asarray(stays.any(axis=1))
     steps = np.where(completed, stays.argmax(axis=1) + 1, np.nan) if stays.shape[1] else np.full(len(inside), np.nan)
     return TrialMeasures(
         goal_completion=completed,

@@ -79,4 +79,4 @@ def make_task(task: str | Task) -> Task:
 def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float:
     """Postures (n, 2) uniform over the joint range (rad)."""
     lower, upper = np.array(settings.arm.joint_lower_limit), np.array(settings.arm.joint_upper_limit)
-    return (lower + uniform * (upper - lower)).astype(np.float32)
+    return np.asarray(lower + uniform * (upper - lower), dtype=np.float32)

@@ -38,8 +38,6 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
     """
 
     architecture: ClassVar[Architecture] = "bilateral"
-    actor: MotorNetwork
-    critics: nn.ModuleList
 
     def __init__(
         self,
@@ -90,7 +88,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
         self.optimizer.register_step_post_hook(lambda *_: self.actor.constrain())
 
     @property
-    def actor(self) -> MotorNetwork:  # type: ignore[no-redef]
+    def actor(self) -> MotorNetwork:
         """The motor network: lesion it, or load weights trained elsewhere into it."""
         return self.mlp_extractor.actor  # type: ignore[return-value]
 
@@ -99,7 +97,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
 
         The action's standard deviation, and a features extractor's parameters if there are any, are shared.
         """
-        groups: dict[str, list[nn.Parameter]] = {k: list(v) for k, v in self.actor.parameter_groups().items()}
+        groups = self.actor.parameter_groups()
         critics = self.mlp_extractor.critics
         groups |= {f"critic_{i}": list(critic.parameters()) for i, critic in enumerate(critics)}  # type: ignore[arg-type,union-attr]
         owned = {id(parameter) for group in groups.values() for parameter in group}

@@ -12,8 +12,7 @@ from torch import Tensor, nn
 from bilateral_rl.policies.lesions import INTACT, LESIONS, SIDES, Lesion, Side, find_lesion
 
 Architecture = Literal["unilateral", "bilateral", "callosal"]
-Group = Literal["dominant", "non_dominant", "shared"]
-GROUPS: tuple[Group, Group, Group] = ("dominant", "non_dominant", "shared")
+GROUPS = ("dominant", "non_dominant", "shared")
 """Every parameter of a network belongs to exactly one of these."""
 
 
@@ -53,13 +52,13 @@ class MotorNetwork(nn.Module):
         """(…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1]."""
         return torch.sigmoid(self(observation))
 
-    def group_of(self, name: str) -> Group:
-        """The group of the parameter called ``name`` in ``named_parameters()``."""
+    def group_of(self, name: str) -> str:
+        """The group, of ``GROUPS``, of the parameter called ``name`` in ``named_parameters()``."""
         raise NotImplementedError
 
-    def parameter_groups(self) -> dict[Group, list[nn.Parameter]]:
+    def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """The parameters of each group; a group may be empty."""
-        groups: dict[Group, list[nn.Parameter]] = {group: [] for group in GROUPS}
+        groups: dict[str, list[nn.Parameter]] = {group: [] for group in GROUPS}
         for name, parameter in self.named_parameters():
             groups[self.group_of(name)].append(parameter)
         return groups
@@ -99,7 +98,7 @@ class MotorNetwork(nn.Module):
 class UnilateralNetwork(MotorNetwork):
     """Dense layers n_inputs → U → … → U → n_outputs, tanh in between; every parameter is shared."""
 
-    architecture = "unilateral"
+    architecture: Architecture = "unilateral"
 
     def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
         super().__init__(n_inputs, n_outputs, units, layers)
@@ -112,7 +111,7 @@ class UnilateralNetwork(MotorNetwork):
             h = torch.tanh(layer(h))
         return self.output(h)  # type: ignore[no-any-return]
 
-    def group_of(self, name: str) -> Group:
+    def group_of(self, name: str) -> str:
         return "shared"
 
 
@@ -122,7 +121,7 @@ class BilateralNetwork(MotorNetwork):
     The last hidden layers enter the output layer as w_dominant · h_dominant + w_non_dominant · h_non_dominant.
     """
 
-    architecture = "bilateral"
+    architecture: Architecture = "bilateral"
 
     def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
         super().__init__(n_inputs, n_outputs, units, layers)
@@ -150,9 +149,9 @@ class BilateralNetwork(MotorNetwork):
             combined = combined + self.combination_non_dominant * n
         return self.output(combined)  # type: ignore[no-any-return]
 
-    def group_of(self, name: str) -> Group:
+    def group_of(self, name: str) -> str:
         side = name.split(".")[0]
-        return side if side in SIDES else "shared"  # type: ignore[return-value]
+        return side if side in SIDES else "shared"
 
     def constrain(self) -> None:
         with torch.no_grad():
@@ -185,7 +184,7 @@ class CallosalNetwork(BilateralNetwork):
     units. Both directions use the values from before the exchange. There are no parameters more.
     """
 
-    architecture = "callosal"
+    architecture: Architecture = "callosal"
 
     def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
         super().__init__(n_inputs, n_outputs, units, layers)

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import torch
-from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
@@ -130,9 +129,7 @@ class HemisphericPPO(PPO):
         self.n_steps = n_steps
         self._mix = stream_mix(self.loss)
         self._shares = shares(self.loss)
-        self.rollout = StreamRollout(
-            n_steps, self.n_envs, self.observation_space, self.action_space, len(self._mix)
-        )
+        self.rollout = StreamRollout(n_steps, self.n_envs, self.observation_space, self.action_space, len(self._mix))
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "rollout", "_mix", "_shares"]
@@ -148,12 +145,13 @@ class HemisphericPPO(PPO):
         rollout = self.rollout
         cut_short: list[tuple[int, NDArray[np.intp], NDArray[np.float32]]] = []
         new_obs = self._last_obs
-        assert isinstance(new_obs, np.ndarray)
+        assert isinstance(new_obs, np.ndarray)  # neither image nor dictionary spaces reach this policy
         for step in range(n_rollout_steps):
             rollout.observations[step] = new_obs.reshape(env.num_envs, -1)
             actions = self._act(step)
-            new_obs, rewards, dones, infos = env.step(actions)
-            assert isinstance(new_obs, np.ndarray)
+            step_obs, rewards, dones, infos = env.step(actions)
+            assert isinstance(step_obs, np.ndarray)
+            new_obs = step_obs
             self.num_timesteps += env.num_envs
             callback.update_locals(locals())
             if not callback.on_step():

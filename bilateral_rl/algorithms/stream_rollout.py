@@ -92,9 +92,7 @@ class StreamRollout:
 
     def finish(self, last_values: Float, gamma: float, gae_lambda: float) -> None:
         """Fill ``advantages`` and ``returns`` from rewards, values and dones."""
-        self.advantages = generalized_advantages(
-            self.rewards, self.values, last_values, self.dones, gamma, gae_lambda
-        )
+        self.advantages = generalized_advantages(self.rewards, self.values, last_values, self.dones, gamma, gae_lambda)
         self.returns = self.advantages + self.values
 
     def minibatches(self, batch_size: int, device: torch.device) -> Iterator[StreamBatch]:

@@ -136,7 +136,10 @@ class _Step(torch.autograd.Function):
 def _launch_step(arm: Arm, tensors: tuple[Tensor, ...], gradients: list[Tensor] | None) -> None:
     kernels, names = arm._kernels, "jmeljmc"
     arrays = [_as_warp(kernels, name, t) for name, t in zip(names, tensors, strict=True)]
-    adjoints = [arm._kernels.physics.Parameters(), *(_as_warp(kernels, n, g) for n, g in zip(names, gradients, strict=True))] if gradients else []
+    adjoints: list[Any] = []
+    if gradients is not None:
+        adjoints = [kernels.physics.Parameters()]
+        adjoints += [_as_warp(kernels, name, g) for name, g in zip(names, gradients, strict=True)]
     wp.launch(
         kernels.step,
         dim=len(tensors[0]),
@@ -149,7 +152,7 @@ def _launch_step(arm: Arm, tensors: tuple[Tensor, ...], gradients: list[Tensor] 
     )
 
 
-def _as_warp(kernels: Any, name: str, tensor: Tensor) -> wp.array:
+def _as_warp(kernels: Any, name: str, tensor: Tensor) -> Any:
     physics = kernels.physics
-    dtype = {"j": physics.vec4, "c": physics.vec4, "m": kernels.muscles.rows, "e": physics.vec6, "l": physics.vec2}[name]
-    return wp.from_torch(tensor, dtype=dtype, requires_grad=False)
+    dtypes = {"j": physics.vec4, "c": physics.vec4, "m": kernels.muscles.rows, "e": physics.vec6, "l": physics.vec2}
+    return wp.from_torch(tensor, dtype=dtypes[name], requires_grad=False)

@@ -22,7 +22,7 @@ def muscle_functions(real: Any) -> SimpleNamespace:
     rows = wp.types.matrix((N_MUSCLE_ROWS, N_MUSCLES), real)
 
     @wp.func
-    def muscle_torque(p: Parameters, joint: vec4, force: vec6) -> vec2:  # type: ignore[valid-type]
+    def muscle_torque(p: Parameters, joint: vec4, force: vec6) -> vec2:
         """Joint torques (N m) of the muscle forces (N); a muscle pulls its joint against its moment arm."""
         shoulder = real(0.0)
         elbow = real(0.0)
@@ -33,7 +33,7 @@ def muscle_functions(real: Any) -> SimpleNamespace:
         return vec2(shoulder, elbow)
 
     @wp.func
-    def muscles_at(p: Parameters, joint: vec4, activation: vec6) -> rows:  # type: ignore[valid-type]
+    def muscles_at(p: Parameters, joint: vec4, activation: vec6) -> rows:
         """The muscle state at this geometry for these activations."""
         state = rows()
         for m in range(N_MUSCLES):
@@ -43,7 +43,7 @@ def muscle_functions(real: Any) -> SimpleNamespace:
         return state
 
     @wp.func
-    def activate(p: Parameters, activation: vec6, excitation: vec6) -> vec6:  # type: ignore[valid-type]
+    def activate(p: Parameters, activation: vec6, excitation: vec6) -> vec6:
         """Every muscle's activation one step on."""
         new = vec6()
         for m in range(N_MUSCLES):
@@ -55,7 +55,7 @@ def muscle_functions(real: Any) -> SimpleNamespace:
 
 @functools.cache
 def arm_kernels(real: Any) -> SimpleNamespace:
-    """The kernels ``rest`` (state at rest) and ``step`` (state in, state out), differentiable, in precision ``real``."""
+    """The kernels ``rest`` (minimal activation) and ``step`` (state in, state out), differentiable, in ``real``."""
     physics, muscles = arm_physics(real), muscle_functions(real)
     Parameters, vec2, vec4, vec6, rows = physics.Parameters, physics.vec2, physics.vec4, physics.vec6, muscles.rows
     hand, next_joint = physics.hand, physics.next_joint
@@ -64,9 +64,9 @@ def arm_kernels(real: Any) -> SimpleNamespace:
     @wp.kernel(module="unique")
     def rest(
         p: Parameters,
-        joint: wp.array(dtype=vec4),  # type: ignore[valid-type]
-        muscle: wp.array(dtype=rows),  # type: ignore[valid-type]
-        cartesian: wp.array(dtype=vec4),  # type: ignore[valid-type]
+        joint: wp.array(dtype=vec4),
+        muscle: wp.array(dtype=rows),
+        cartesian: wp.array(dtype=vec4),
     ) -> None:
         arm = wp.tid()
         activation = vec6()
@@ -78,13 +78,13 @@ def arm_kernels(real: Any) -> SimpleNamespace:
     @wp.kernel(module="unique")
     def step(
         p: Parameters,
-        joint: wp.array(dtype=vec4),  # type: ignore[valid-type]
-        muscle: wp.array(dtype=rows),  # type: ignore[valid-type]
-        excitation: wp.array(dtype=vec6),  # type: ignore[valid-type]
-        load: wp.array(dtype=vec2),  # type: ignore[valid-type]
-        joint_next: wp.array(dtype=vec4),  # type: ignore[valid-type]
-        muscle_next: wp.array(dtype=rows),  # type: ignore[valid-type]
-        cartesian_next: wp.array(dtype=vec4),  # type: ignore[valid-type]
+        joint: wp.array(dtype=vec4),
+        muscle: wp.array(dtype=rows),
+        excitation: wp.array(dtype=vec6),
+        load: wp.array(dtype=vec2),
+        joint_next: wp.array(dtype=vec4),
+        muscle_next: wp.array(dtype=rows),
+        cartesian_next: wp.array(dtype=vec4),
     ) -> None:
         arm = wp.tid()
         here = joint[arm]

@@ -111,7 +111,7 @@ class ArmParameters:
         _check_positive(self)
         for lower, upper in zip(self.joint_lower_limit, self.joint_upper_limit, strict=True):
             if not lower < upper:
-                raise ValueError(f"each joint_lower_limit must be below its joint_upper_limit, got {lower} and {upper}.")
+                raise ValueError(f"a joint_lower_limit must be below its joint_upper_limit, got {lower} and {upper}.")
         if not 0 < self.min_activation < 1:
             raise ValueError(f"min_activation must lie between 0 and 1, got {self.min_activation}.")
         if not self.normalized_slack_muscle_length < 1 + self.active_width:
@@ -131,7 +131,8 @@ class ArmParameters:
         unknown = sorted(set(values) - known)
         if unknown:
             raise ValueError(f"unknown arm parameters {unknown}; choose from {sorted(known)}.")
-        return cls(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+        arguments: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+        return cls(**arguments)
 
 
 _POSITIVE = (

@@ -113,7 +113,9 @@ def arm_physics(real: Any) -> SimpleNamespace:
         return wp.clamp(activation + p.timestep * (u - a) / tau, p.min_activation, real(1.0))
 
     @wp.func
-    def active_force_velocity(p: Parameters, activation: real, force_length: real, length: real, velocity: real) -> real:
+    def active_force_velocity(
+        p: Parameters, activation: real, force_length: real, length: real, velocity: real
+    ) -> real:
         """Active force over maximal isometric force; length and velocity in optimal lengths and vmax.
 
         Kistemaker et al. 2010: Hill's hyperbola when shortening; when lengthening, a hyperbola with slanted
