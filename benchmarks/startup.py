@@ -12,18 +12,12 @@ FIRST_STEP = """
 import sys, time
 from pathlib import Path
 from bilateral_rl.config import resolve
-from bilateral_rl.training import train
+from bilateral_rl.training import Progress, train
 
-class FirstStep:
-    def on_start(self, timesteps):
-        pass
-
+class FirstStep(Progress):
     def on_step(self, timesteps):
         print(time.time(), flush=True)
         sys.exit(0)
-
-    def on_evaluation(self, timesteps, measures):
-        pass
 
 train(resolve(None, None), Path(sys.argv[1]), FirstStep())
 """

@@ -17,23 +17,10 @@ from bilateral_rl.config import resolve
 from bilateral_rl.training import train
 
 
-class Silent:
-    """Nobody watches."""
-
-    def on_start(self, timesteps: int) -> None:
-        """Say nothing."""
-
-    def on_step(self, timesteps: int) -> None:
-        """Say nothing."""
-
-    def on_evaluation(self, timesteps: int, measures: dict[str, float]) -> None:
-        """Say nothing."""
-
-
 def ours(timesteps: int) -> float:
     """Steps/s of the default training with its logging, evaluations and saved weights."""
     with tempfile.TemporaryDirectory() as folder:
-        outcome = train(resolve(None, None, [{"timesteps": timesteps}]), Path(folder), Silent())
+        outcome = train(resolve(None, None, [{"timesteps": timesteps}]), Path(folder))
     return outcome.timesteps / outcome.seconds
 
 

@@ -111,7 +111,7 @@ def list_all(out: Path, console: Console) -> None:
     console.print(table)
 
 
-class TrainingProgress:
+class TrainingProgress(training.Progress):
     """A bar with the remaining time and the present goal completion; lines where there is no terminal."""
 
     def __init__(self, total: int, console: Console) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from gymnasium import spaces
@@ -34,8 +34,8 @@ from bilateral_rl.run_folder import FINAL, RunFolder
 RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
 
 
-class Progress(Protocol):
-    """Who is told how a training comes along."""
+class Progress:
+    """Who is told how a training comes along; subclass it to watch, or leave it unwatched."""
 
     def on_start(self, timesteps: int) -> None:
         """Training starts with ``timesteps`` environment steps done before."""
@@ -45,6 +45,9 @@ class Progress(Protocol):
 
     def on_evaluation(self, timesteps: int, measures: dict[str, float]) -> None:
         """The policy was evaluated."""
+
+
+UNWATCHED = Progress()
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Outcome:
     policy: BilateralActorCriticPolicy
 
 
-def train(config: TrainConfig, out: Path, progress: Progress) -> Outcome:
+def train(config: TrainConfig, out: Path, progress: Progress = UNWATCHED) -> Outcome:
     """Train from scratch into a new folder below ``out``.
 
     Raises:
@@ -68,7 +71,7 @@ def train(config: TrainConfig, out: Path, progress: Progress) -> Outcome:
     return _run(algorithm, config, RunFolder.create(out, config), config.timesteps, progress)
 
 
-def resume(folder: RunFolder, config: TrainConfig, progress: Progress) -> Outcome:
+def resume(folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHED) -> Outcome:
     """Go on with ``folder``'s training until ``config.timesteps``.
 
     Weights, optimizer, step counters, schedules and torch's random state continue; every arm starts a new trial.

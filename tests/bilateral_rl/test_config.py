@@ -1,0 +1,106 @@
+import json
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bilateral_rl.catalogue import ALGORITHMS, MODELS
+from bilateral_rl.config import TrainConfig, from_values, load_file, merge, parse_overrides, resolve, tuned_defaults
+from bilateral_rl.envs import TASKS
+from bilateral_rl.errors import UserError
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_every_algorithm_task_and_model_has_working_defaults(algo, task, model):
+    config = resolve(algo, task, model=model)
+    assert (config.algo, config.task, config.model) == (algo, task, model)
+
+
+def test_the_bare_command_trains_the_callosal_specialized_model_to_reach_with_ppo():
+    config = resolve(None, None)
+    assert (config.algo, config.task, config.model) == ("ppo", "random_reach", "cc_s")
+
+
+def test_later_layers_win_over_earlier_ones_and_over_the_tuned_defaults():
+    tuned = tuned_defaults("ppo", "random_reach")
+    config = resolve(None, None, [{"ppo": {"gamma": 0.5, "n_epochs": 3}}, {"ppo": {"gamma": 0.6}}])
+    assert (config.ppo.gamma, config.ppo.n_epochs) == (0.6, 3)
+    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", TrainConfig().ppo.learning_rate)
+
+
+def test_tuned_defaults_name_only_settings_that_exist():
+    for algo in ALGORITHMS:
+        for task in TASKS:
+            from_values(tuned_defaults(algo, task))
+
+
+def test_a_configuration_survives_yaml_and_json(tmp_path):
+    config = resolve(None, "hold_position", [{"trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}])
+    for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
+        (tmp_path / name).write_text(text)
+        assert resolve(None, None, [load_file(tmp_path / name)]) == config
+
+
+def test_overrides_are_read_as_numbers_words_and_lists():
+    values = parse_overrides(["ppo.gamma=0.9", "ppo.n_steps=25", "model=bi_s", "network.critic_arch=[32, 16]"])
+    config = resolve(None, None, [values])
+    assert (config.ppo.gamma, config.ppo.n_steps, config.model) == (0.9, 25, "bi_s")
+    assert config.network.critic_arch == (32, 16)
+
+
+def test_exponents_without_a_point_are_numbers():
+    assert resolve(None, None, [parse_overrides(["ppo.learning_rate=1e-3", "timesteps=1e6"])]).timesteps == 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("values", "names"),
+    [
+        ({"model": "cc"}, "uni_b"),
+        ({"task": "reach"}, "random_reach"),
+        ({"algo": "dqn"}, "ppo"),
+        ({"modle": "cc_s"}, "modle"),
+        ({"ppo": {"lr": 1}}, "learning_rate"),
+        ({"ppo": 3}, "ppo"),
+        ({"timesteps": 0}, "timesteps"),
+        ({"timesteps": 1.5}, "timesteps"),
+        ({"timesteps": True}, "timesteps"),
+        ({"seed": -1}, "seed"),
+        ({"device": "tpu"}, "cuda"),
+        ({"n_envs": 1, "ppo": {"n_steps": 1}}, "n_steps"),
+        ({"ppo": {"gamma": 1.5}}, "gamma"),
+        ({"ppo": {"gamma": float("nan")}}, "gamma"),
+        ({"ppo": {"learning_rate": "fast"}}, "learning_rate"),
+        ({"network": {"units": 7}}, "odd"),
+        ({"network": {"layers": 1}}, "layers"),
+        ({"network": {"critic_arch": []}}, "critic_arch"),
+        ({"network": {"critic_arch": 64}}, "critic_arch"),
+        ({"trial": {"threshold": -1}}, "threshold"),
+        ({"trial": {"arm": {"link_length": [0.3]}}}, "link_length"),
+        ({"evaluation": {"trials": 0}}, "trials"),
+    ],
+)
+def test_what_cannot_work_is_refused_by_name(values, names):
+    with pytest.raises(UserError, match=names):
+        resolve(None, None, [values])
+
+
+@pytest.mark.parametrize("item", ["gamma", "=3", ""])
+def test_an_override_of_another_form_is_refused(item):
+    with pytest.raises(UserError, match="key=value"):
+        parse_overrides([item])
+
+
+@pytest.mark.parametrize("text", ["- 1\n- 2\n", "a: [1", "!!python/object/apply:os.getcwd []", "\x00"])
+def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
+    (tmp_path / "c.yaml").write_text(text)
+    with pytest.raises(UserError):
+        load_file(tmp_path / "c.yaml")
+
+
+@given(st.dictionaries(st.sampled_from("abc"), st.integers()), st.dictionaries(st.sampled_from("abc"), st.integers()))
+def test_merging_keeps_every_key_and_prefers_the_second(first, second):
+    merged = merge({"x": first}, {"x": second})["x"]
+    assert merged == {**first, **second}

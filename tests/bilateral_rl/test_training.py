@@ -1,0 +1,185 @@
+import csv
+import dataclasses
+import signal
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from stable_baselines3.common.monitor import load_results
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config import merge, resolve
+from bilateral_rl.errors import UserError
+from bilateral_rl.training import Progress, build_algorithm, load_policy, resume, train
+
+
+def with_values(config, **values):
+    return resolve(None, None, [merge(config.to_values(), values)])
+
+
+def rows(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("task", ["random_reach", "hold_position"])
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_trains_on_every_task_and_acts_from_its_folder(tmp_path, small, model, task):
+    config = with_values(small, model=model, task=task, timesteps=1_000)
+    outcome = train(config, tmp_path)
+    policy = load_policy(outcome.folder)
+    observation = np.zeros((3, 16), dtype=np.float32)
+    expected, _ = outcome.policy.predict(observation, deterministic=True)
+    np.testing.assert_array_equal(policy.predict(observation, deterministic=True)[0], expected)
+    assert outcome.folder.path == tmp_path / task / f"{model}-ppo-1"
+
+
+def test_the_run_folder_holds_what_it_promises(run):
+    names = {path.name for path in run.path.iterdir()}
+    assert {"config.yaml", "versions.json", "status.json", "resume.safetensors"} <= names
+    assert {"monitor.csv", "evaluations.csv", "weights"} <= names
+    assert any(name.startswith("events.out.tfevents") for name in names)
+    assert {"best", "final"} < set(run.weight_names())
+    assert run.status() == {"state": "finished", "timesteps": 4000, "updates": 20, "weights": "final"}
+
+
+def test_nothing_in_a_run_folder_is_a_pickle(run):
+    suffixes = {path.suffix for path in run.path.rglob("*") if path.is_file()}
+    assert suffixes <= {".yaml", ".json", ".csv", ".safetensors", ".0"}
+
+
+def test_sb3_reads_the_monitor_file(run):
+    results = load_results(str(run.path))
+    assert len(results) == 4_000 // 50
+    assert (results["l"] == 50).all()
+    np.testing.assert_allclose(results["r"], (results["dominant"] + results["non_dominant"]) / 2, rtol=1e-4)
+
+
+def test_evaluations_come_by_environment_steps_whatever_n_envs_is(tmp_path, small):
+    for n_envs in (10, 20):
+        config = with_values(small, n_envs=n_envs, evaluation={"every": 2_000})
+        outcome = train(config, tmp_path / str(n_envs))
+        assert [int(row["timesteps"]) for row in rows(outcome.folder.path / "evaluations.csv")] == [0, 2000, 4000]
+
+
+def test_the_best_weights_are_those_of_the_best_evaluation(run):
+    best = max(rows(run.path / "evaluations.csv"), key=lambda row: float(row["return_mean"]))
+    final = torch.cat([t.ravel() for t in run.load_weights("final").values()])
+    at_best = torch.cat([t.ravel() for t in run.load_weights("best").values()])
+    assert torch.equal(final, at_best) == (best["timesteps"] == "4000")
+
+
+def test_tensorboard_shows_the_two_streams_side_by_side(run):
+    events = EventAccumulator(str(run.path), size_guidance={"images": 0})
+    events.Reload()
+    scalars, images = set(events.Tags()["scalars"]), set(events.Tags()["images"])
+    for quantity in ("return", "value_loss", "policy_loss", "explained_variance", "combination"):
+        assert {f"{quantity}/dominant", f"{quantity}/non_dominant"} <= scalars
+    for group in ("dominant", "non_dominant", "shared", "critic_0", "critic_1"):
+        assert {f"gradient_norm/{group}", f"gradient_norm_clipped/{group}"} <= scalars
+    for measure in ("goal_completion_percent", "speed_to_goal_cm_per_step", "time_in_goal_steps", "final_error_cm"):
+        assert f"evaluation/{measure}" in scalars
+    assert {"rollout/ep_rew_mean", "rollout/success_rate", "time/fps", "train/approx_kl"} <= scalars
+    assert any(tag.startswith("figures/hand_paths") for tag in images)
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_seed_others(tmp_path, small):
+    weights = [train(c, tmp_path).folder.load_weights("final") for c in (small, small)]
+    assert all(torch.equal(weights[0][k], weights[1][k]) for k in weights[0])
+    other = train(dataclasses.replace(small, seed=1), tmp_path).folder.load_weights("final")
+    assert not torch.equal(weights[0]["log_std"], other["log_std"])
+
+
+class Watch(Progress):
+    """Remembers what it is told, and presses Ctrl-C, for real, once ``stop_at`` steps are done."""
+
+    def __init__(self, stop_at=float("inf")):
+        self.started, self.steps = [], []
+        self._stop_at = stop_at
+
+    def on_start(self, timesteps):
+        self.started.append(timesteps)
+
+    def on_step(self, timesteps):
+        self.steps.append(timesteps)
+        if timesteps >= self._stop_at:
+            self._stop_at = float("inf")
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_saves_and_a_resumed_run_goes_on_to_the_end(tmp_path, small):
+    outcome = train(small, tmp_path, Watch(stop_at=2_500))
+    assert outcome.interrupted
+    status = outcome.folder.status()
+    assert status["state"] == "interrupted"
+    assert 2_500 <= status["timesteps"] < 4_000
+    progress = Watch()
+    resumed = resume(outcome.folder, small, progress)
+    assert progress.started == [status["timesteps"]]
+    assert progress.steps[0] == status["timesteps"] + small.n_envs
+    assert resumed.timesteps >= 4_000
+    assert outcome.folder.status()["state"] == "finished"
+    steps = [int(row["timesteps"]) for row in rows(outcome.folder.path / "evaluations.csv")]
+    assert steps == sorted(steps)
+    assert len(load_results(str(outcome.folder.path))) >= 4_000 // 50 - small.n_envs
+
+
+def test_resuming_restores_weights_optimizer_and_counters(run, monkeypatch):
+    config = with_values(run.config(), timesteps=8_000)
+    seen = {}
+
+    def look(algorithm, *_args, **_kwargs):
+        seen["weights"] = {k: v.clone() for k, v in algorithm.policy.state_dict().items()}
+        seen["moments"] = algorithm.policy.optimizer.state_dict()["state"]
+        seen["steps"], seen["updates"] = algorithm.num_timesteps, algorithm._n_updates
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bilateral_rl.algorithms.HemisphericPPO.learn", look)
+    stored, moments = run.load_weights("final"), run.load_resume()
+    resume(run, config)
+    assert all(torch.equal(stored[k], seen["weights"][k]) for k in stored)
+    assert torch.equal(moments["optimizer.0.exp_avg"], seen["moments"][0]["exp_avg"])
+    assert (seen["steps"], seen["updates"]) == (4_000, 20)
+
+
+def test_a_finished_run_is_not_resumed_without_more_steps(run):
+    with pytest.raises(UserError, match="timesteps"):
+        resume(run, run.config())
+
+
+def test_a_damaged_resume_file_is_refused(run):
+    run.save_resume({"optimizer.x.exp_avg": torch.zeros(1)})
+    with pytest.raises(UserError, match="damaged"):
+        resume(run, with_values(run.config(), timesteps=8_000))
+
+
+def test_weights_of_another_network_are_refused(run):
+    run.write_config(with_values(run.config(), network={"units": 12}))
+    with pytest.raises(UserError, match="do not fit"):
+        load_policy(run)
+
+
+def test_the_learning_rate_falls_linearly_to_its_final_value(small):
+    algorithm = build_algorithm(with_values(small, ppo={"learning_rate": 0.01, "final_learning_rate": 0.002}))
+    assert algorithm.lr_schedule(1.0) == pytest.approx(0.01)
+    assert algorithm.lr_schedule(0.5) == pytest.approx(0.006)
+    assert algorithm.lr_schedule(0.0) == pytest.approx(0.002)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_default_training_learns_to_reach(tmp_path, seed):
+    from bilateral_rl.evaluation import Evaluator
+
+    config = resolve(None, None, [{"seed": seed}])
+    outcome = train(config, tmp_path)
+    record = Evaluator(config.task, config.trial, 1024, 2_000_000).run(outcome.policy)
+    assert record.summary(0.05)["goal_completion_percent"] >= 90
+
+
+def test_monitor_rows_are_plain_numbers(run):
+    frame = pd.read_csv(run.path / "monitor.csv", skiprows=1)
+    assert frame.notna().all().all()
+    assert list(frame.columns) == ["r", "l", "t", "dominant", "non_dominant"]

@@ -1,0 +1,128 @@
+"""ArmParameters takes physical constants only, and says what is wrong with others."""
+
+import dataclasses
+import json
+import math
+
+import pytest
+import torch
+
+from bilateral_rl.envs import Arm, ArmParameters
+
+FIELDS = {field.name: field.default for field in dataclasses.fields(ArmParameters)}
+TUPLES = [name for name, default in FIELDS.items() if isinstance(default, tuple)]
+NEVER_NEGATIVE = [
+    "timestep", "link_mass", "link_center_of_mass", "link_inertia", "link_length", "max_isometric_force",
+    "tendon_length", "optimal_muscle_length", "normalized_slack_muscle_length", "normalized_max_velocity",
+    "min_activation", "tau_activation", "tau_deactivation", "active_width", "min_active_force_length", "hill_a",
+    "hill_b", "low_activation", "low_activation_origin", "low_activation_drop", "lengthening_force",
+    "lengthening_slope_ratio", "lengthening_asymptote_slope",
+]  # fmt: skip
+
+
+def with_value(name, value):
+    """The default of ``name`` with (the first of) its number(s) replaced."""
+    default = FIELDS[name]
+    return (value, *default[1:]) if isinstance(default, tuple) else value
+
+
+@pytest.mark.parametrize("name", TUPLES)
+@pytest.mark.parametrize("change", [lambda t: t[:-1], lambda t: (*t, 1.0), list, lambda t: t[0]])
+def test_a_tuple_of_another_length_or_type_is_rejected(name, change):
+    with pytest.raises(ValueError, match=f"ArmParameters.{name} must be a tuple of {len(FIELDS[name])}"):
+        ArmParameters(**{name: change(FIELDS[name])})
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "1"])
+def test_what_is_no_finite_number_is_rejected(name, value):
+    with pytest.raises(ValueError, match=f"ArmParameters.{name} must .*finite number"):
+        ArmParameters(**{name: with_value(name, value)})
+
+
+@pytest.mark.parametrize("name", NEVER_NEGATIVE)
+def test_a_negative_number_is_rejected_where_physics_has_none(name):
+    with pytest.raises(ValueError, match=name):
+        ArmParameters(**{name: with_value(name, -0.1)})
+
+
+@pytest.mark.parametrize(
+    "name", ["timestep", "link_mass", "link_inertia", "max_isometric_force", "optimal_muscle_length", "tau_activation"]
+)
+def test_zero_is_rejected_where_the_arm_divides_by_it(name):
+    with pytest.raises(ValueError, match=name):
+        ArmParameters(**{name: with_value(name, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"joint_lower_limit": (0.0, 3.0)}, "joint_lower_limit"),
+        ({"min_activation": 1.0}, "min_activation"),
+        ({"min_activation": 0.0}, "min_activation"),
+        ({"normalized_slack_muscle_length": 1.7}, "normalized_slack_muscle_length"),
+        ({"low_activation": 0.005}, "low_activation"),  # the two between which hill_b falls
+        ({"lengthening_force": 1.0}, "lengthening_force"),  # a lengthening muscle resists more
+    ],
+)
+def test_numbers_that_contradict_each_other_are_rejected(changes, message):
+    with pytest.raises(ValueError, match=message):
+        ArmParameters(**changes)
+
+
+def test_dictionary_and_back_is_the_same_through_json_too():
+    parameters = ArmParameters(normalized_slack_muscle_length=1.4, link_mass=(1.0, 2.0))
+    assert ArmParameters.from_dict(parameters.to_dict()) == parameters
+    assert ArmParameters.from_dict(json.loads(json.dumps(parameters.to_dict()))) == parameters
+    assert ArmParameters.from_dict({}) == ArmParameters()
+    assert set(parameters.to_dict()) == set(FIELDS)
+
+
+def test_an_unknown_name_is_rejected_with_the_choices():
+    with pytest.raises(ValueError, match=r"unknown arm parameters \['mass'\].*link_mass"):
+        ArmParameters.from_dict({"mass": 1.0})
+    with pytest.raises(TypeError, match="mass"):
+        ArmParameters(mass=1.0)
+
+
+def test_a_bad_value_in_a_dictionary_is_rejected():
+    with pytest.raises(ValueError, match="link_mass"):
+        ArmParameters.from_dict({"link_mass": [1.0]})
+
+
+def test_parameters_are_immutable_and_hashable():
+    parameters = ArmParameters()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        parameters.timestep = 0.02
+    assert hash(parameters) == hash(ArmParameters())
+
+
+def test_defaults_are_the_papers():
+    parameters = ArmParameters()
+    assert parameters.timestep == 0.01
+    assert parameters.link_length == (0.309, 0.333)
+    assert parameters.joint_upper_limit == pytest.approx((2.356194, 2.705260), abs=1e-6)
+    assert parameters.max_isometric_force == (838, 1207, 1422, 1549, 414, 603)
+    assert parameters.normalized_slack_muscle_length == 1.0
+    assert parameters.min_activation == 0.001
+
+
+@pytest.mark.parametrize("name", sorted(set(FIELDS) - {"low_activation_origin", "low_activation_drop"}))
+def test_every_parameter_reaches_the_arm(name):
+    """A changed parameter changes a short movement (the two left out matter as one curve, tested by parity)."""
+    joint = torch.tensor([[0.7, 0.9, 1.0, -1.0], [1.9, 2.0, -1.0, 1.0], [0.0, 0.0, -1.0, -1.0], [2.35, 2.7, 2.0, 2.0]])
+    excitation = torch.linspace(0, 1, 24).reshape(4, 6)
+
+    def movement(parameters):
+        arm = Arm(parameters)
+        state = arm.state(joint)
+        for _ in range(3):
+            state = arm.step(state, excitation)
+        return torch.cat([t.flatten() for t in state])
+
+    default = FIELDS[name]
+    if name == "joint_lower_limit":
+        changed = (0.05, 0.05)
+    else:
+        changed = tuple(0.97 * v + 1e-3 for v in default) if isinstance(default, tuple) else 0.9 * default
+    assert not torch.equal(movement(ArmParameters(**{name: changed})), movement(ArmParameters()))

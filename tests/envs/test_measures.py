@@ -1,0 +1,121 @@
+"""The paper's measures on trials short enough to measure by hand (section 3)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bilateral_rl.envs import ArmEnv
+from bilateral_rl.envs.measures import trial_measures
+
+IN, OUT = 0.01, 0.30
+
+
+def measure(distance, start_distance=0.6, threshold=0.05):
+    """The measures of one trial, as plain numbers: completion, speed, time in goal, final error."""
+    measures = trial_measures([distance], [start_distance], threshold)
+    return tuple(column.item() for column in measures)
+
+
+def test_speed_is_the_start_distance_over_the_steps_until_the_goal_was_reached_for_good():
+    completed, speed, inside, error = measure([OUT, OUT, IN, IN, IN, OUT])
+    assert completed is True
+    assert speed == pytest.approx(0.6 / 3)
+    assert inside == 3
+    assert error == OUT
+
+
+def test_a_goal_reached_at_the_first_step_takes_one_step():
+    completed, speed, inside, error = measure([IN, IN, IN])
+    assert completed is True
+    assert speed == pytest.approx(0.6)
+    assert inside == 3
+    assert error == IN
+
+
+def test_a_goal_reached_in_the_last_three_steps_counts():
+    completed, speed, _, _ = measure([OUT, OUT, IN, IN, IN])
+    assert completed is True
+    assert speed == pytest.approx(0.6 / 3)
+
+
+def test_a_goal_never_reached_has_no_speed():
+    completed, speed, inside, error = measure([OUT] * 5)
+    assert completed is False
+    assert math.isnan(speed)
+    assert inside == 0
+    assert error == OUT
+
+
+@pytest.mark.parametrize(
+    "distance",
+    [[IN, IN, OUT, IN, IN, OUT], [IN, OUT, IN, OUT, IN, OUT], [OUT, OUT, OUT, OUT, IN, IN], [IN, IN, OUT, OUT, IN, IN]],
+)
+def test_visits_shorter_than_three_steps_do_not_complete_however_many(distance):
+    completed, speed, inside, _ = measure(distance)
+    assert completed is False
+    assert math.isnan(speed)
+    assert inside == sum(d == IN for d in distance)
+
+
+def test_an_interrupted_visit_does_not_start_the_completing_one():
+    completed, speed, inside, _ = measure([IN, IN, OUT, IN, IN, IN, OUT])
+    assert completed is True
+    assert speed == pytest.approx(0.6 / 4)
+    assert inside == 5
+
+
+def test_the_first_of_two_completing_visits_counts():
+    _, speed, inside, _ = measure([IN, IN, IN, OUT, IN, IN, IN])
+    assert speed == pytest.approx(0.6)
+    assert inside == 6
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_a_trial_shorter_than_three_steps_cannot_complete(steps):
+    completed, speed, inside, error = measure([IN] * steps)
+    assert completed is False
+    assert math.isnan(speed)
+    assert inside == steps
+    assert error == IN
+
+
+def test_the_threshold_itself_is_within_the_goal():
+    assert measure([0.05] * 3, threshold=0.05)[0] is True
+    assert measure([np.nextafter(0.05, 1)] * 3, threshold=0.05)[0] is False
+
+
+def test_a_trial_that_starts_on_its_target_has_speed_zero():
+    assert measure([IN] * 3, start_distance=0.0)[1] == 0.0
+
+
+def test_trials_of_a_batch_are_measured_one_by_one():
+    rng = np.random.default_rng(0)
+    distance, start = rng.uniform(0, 0.1, (50, 12)), rng.uniform(0, 1, 50)
+    together = trial_measures(distance, start, 0.05)
+    assert together.goal_completion.dtype == np.bool_
+    for i in range(50):
+        for column, alone in zip(together, measure(distance[i], start[i]), strict=True):
+            np.testing.assert_equal(column[i].item(), alone)
+
+
+@pytest.mark.parametrize("task", ["random_reach", "hold_position"])
+def test_the_last_info_of_a_trial_measures_its_distances(task):
+    env = ArmEnv(task, trial_length=20, threshold=0.15)
+    rng, outcomes = np.random.default_rng(0), set()
+    for seed in range(20):
+        observation, _ = env.reset(seed=seed)
+        start, distances, rewards, truncated = np.linalg.norm(observation[12:14] - observation[14:]), [], [], False
+        while not truncated:
+            observation, _, _, truncated, info = env.step(rng.uniform(-1, 1, 6).astype(np.float32))
+            distances.append(np.linalg.norm(observation[12:14] - observation[14:]))
+            rewards.append(info["vector_reward"])
+            assert info["distance"] == pytest.approx(distances[-1], abs=1e-6)
+        completed, speed, inside, error = measure(distances, start, 0.15)
+        assert info["is_success"] is completed
+        np.testing.assert_allclose(info["speed_to_goal"], speed, rtol=1e-5, atol=1e-7)
+        assert info["time_in_goal"] == inside
+        assert info["final_error"] == pytest.approx(error, abs=1e-6)
+        np.testing.assert_allclose(info["vector_return"], np.sum(rewards, axis=0), rtol=1e-5)
+        outcomes.add(completed)
+    assert outcomes == ({True, False} if task == "random_reach" else {True})

@@ -1,0 +1,240 @@
+"""The pictures of the arm and the window."""
+
+import importlib.util
+import sys
+
+import numpy as np
+import pytest
+
+from bilateral_rl.envs import rendering
+from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES, ArmParameters
+from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, Window, draw, tile
+
+pygame = pytest.importorskip("pygame")
+
+ARM = ArmParameters()
+SIZE = 480
+SCENE = Scene(
+    angles=np.radians([40.0, 80.0]),
+    activation=np.full(6, 0.2),
+    target=np.array([-0.2, 0.4]),
+    path=np.empty((0, 2)),
+    threshold=0.05,
+    load=np.zeros(2),
+)
+
+
+@pytest.fixture(autouse=True)
+def dummy_video(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+
+
+def picture(**changes):
+    return draw(ARM, SCENE._replace(**changes), SIZE)
+
+
+def pixel(point):
+    """(row, column) of a point in m, with the shoulder at the center and y up."""
+    scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
+    return round(SIZE / 2 - scale * point[1]), round(SIZE / 2 + scale * point[0])
+
+
+def changed(first, second):
+    """(h, w) where two pictures differ."""
+    return (first != second).any(axis=-1)
+
+
+def hand(angles):
+    upper, fore = ARM.link_length
+    return np.array([
+        upper * np.cos(angles[0]) + fore * np.cos(np.sum(angles)),
+        upper * np.sin(angles[0]) + fore * np.sin(np.sum(angles)),
+    ])
+
+
+def is_near(mask, point, radius):
+    """Whether all of a mask lies within a radius (m) of a point."""
+    row, column = pixel(point)
+    rows, columns = np.nonzero(mask)
+    scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
+    return mask.any() and np.hypot(rows - row, columns - column).max() <= radius * scale + 2
+
+
+@pytest.mark.parametrize("size", [64, 480, 501])
+def test_picture_is_rgb(size):
+    frame = draw(ARM, SCENE, size)
+    assert frame.shape == (size, size, 3)
+    assert frame.dtype == np.uint8
+    assert (frame == 255).all(axis=-1).mean() > 0.3
+    frame[:] = 0  # the caller's own
+
+
+@pytest.mark.parametrize("angles", [(0, 0), (135, 155), (0, 155), (135, 0)])
+def test_draws_at_the_joint_limits(angles):
+    assert changed(picture(angles=np.radians(angles)), picture()).any()
+
+
+def test_equal_scenes_give_equal_pictures():
+    first = picture(caption="t = 0.10 s", load=np.array([3.0, 1.0]))
+    picture(angles=np.zeros(2))
+    np.testing.assert_array_equal(first, picture(caption="t = 0.10 s", load=np.array([3.0, 1.0])))
+
+
+def test_single_and_double_precision_draw_alike():
+    single = Scene(*(value.astype(np.float32) if isinstance(value, np.ndarray) else value for value in SCENE))
+    assert changed(draw(ARM, single), picture()).mean() < 0.001
+
+
+@pytest.mark.parametrize("muscle", range(6), ids=MUSCLE_NAMES)
+def test_activation_colors_its_muscle(muscle):
+    frames = [picture(activation=np.where(np.arange(6) == muscle, level, 0.0)) for level in (0.0, 0.5, 1.0)]
+    where = changed(frames[0], frames[2])
+    assert where.sum() > 60
+    lightness = [frame[where].mean() for frame in frames]
+    assert lightness[0] > lightness[1] > lightness[2]
+
+
+@pytest.mark.parametrize(("flexor", "extensor"), [(0, 1), (2, 3), (4, 5)])
+def test_flexors_and_extensors_lie_on_their_sides(flexor, extensor):
+    straight = np.zeros(2)
+
+    def mean_row(muscle):
+        active = picture(angles=straight, activation=np.eye(6)[muscle])
+        return np.nonzero(changed(active, picture(angles=straight, activation=np.zeros(6))))[0].mean()
+
+    assert mean_row(flexor) < SIZE / 2 < mean_row(extensor)
+
+
+@pytest.mark.parametrize("target", [(-0.2, 0.4), (0.45, -0.3), (-0.4, -0.35)])
+def test_target_is_drawn_where_it_is(target):
+    with_target, elsewhere = picture(target=np.array(target)), picture(target=np.array([5.0, 5.0]))
+    row, column = pixel(target)
+    assert changed(with_target, elsewhere)[row, column]
+    assert is_near(changed(with_target, elsewhere), target, SCENE.threshold)
+
+
+def test_goal_has_the_radius_of_the_threshold():
+    areas = [changed(picture(threshold=r), picture(target=np.array([5.0, 5.0]))).sum() for r in (0.04, 0.08)]
+    assert areas[1] / areas[0] == pytest.approx(4, rel=0.15)
+
+
+def test_hand_is_where_the_posture_puts_it():
+    row, column = pixel(hand(SCENE.angles))
+    assert changed(picture(), picture(angles=np.zeros(2)))[row - 4 : row + 5, column - 4 : column + 5].any()
+    assert (picture()[row, column] > 240).all()
+
+
+@pytest.mark.parametrize("length", [1, 2, 3])
+def test_short_paths_draw(length):
+    assert changed(picture(path=np.linspace((0.3, -0.3), (0.3, -0.4), length)), picture()).any() == (length > 1)
+
+
+def test_longer_path_draws_more():
+    path = np.linspace((0.4, -0.2), (-0.4, -0.2), 1000)
+    drawn = [changed(picture(path=path[:k]), picture()).sum() for k in (0, 100, 500, 1000)]
+    assert drawn[0] == 0
+    assert drawn == sorted(set(drawn))
+
+
+def test_path_fades_with_age():
+    frame = picture(path=np.linspace((0.3, -0.3), (-0.3, -0.3), 50))
+    old, new = (frame[pixel((x, -0.3))].mean() for x in (0.28, -0.28))
+    assert old > new + 40
+
+
+def test_load_is_an_arrow_only_if_it_is_not_zero():
+    without = picture()
+    np.testing.assert_array_equal(without, picture(load=np.array([-0.0, 0.0])))
+    small, large = (changed(picture(load=np.array([force, 0.0])), without) for force in (2.0, 9.0))
+    assert large.sum() > small.sum() > 0
+    row, column = pixel(hand(SCENE.angles))
+    assert np.nonzero(large)[1].min() >= column  # to the right, as the force
+    assert abs(np.nonzero(large)[0].mean() - row) < 8
+
+
+def test_caption_is_at_the_top():
+    rows = np.nonzero(changed(picture(caption="hold_position"), picture()))[0]
+    assert len(rows) > 0
+    assert rows.max() < SIZE // 12
+
+
+@pytest.mark.parametrize(("n", "rows", "columns"), [(1, 1, 1), (2, 1, 2), (3, 2, 2), (4, 2, 2), (5, 2, 3)])
+def test_tile_is_near_square_and_row_by_row(n, rows, columns):
+    frames = [np.full((4, 6, 3), i, dtype=np.uint8) for i in range(n)]
+    grid = tile(frames)
+    assert grid.shape == (4 * rows, 6 * columns, 3)
+    assert grid.dtype == np.uint8
+    cells = grid[::4, ::6, 0].ravel()
+    np.testing.assert_array_equal(cells, [*range(n), *[255] * (rows * columns - n)])
+
+
+def test_tile_of_nothing_raises():
+    with pytest.raises(ValueError, match="at least one"):
+        tile([])
+
+
+def test_window_opens_at_the_first_show_and_closes_twice():
+    window = Window("arm", fps=1000)
+    assert not pygame.display.get_init()
+    window.close()
+    for _ in range(2):
+        window.show(picture())
+    assert pygame.display.get_surface().get_size() == (SIZE, SIZE)
+    assert pygame.display.get_caption()[0] == "arm"
+    shown = pygame.surfarray.array3d(pygame.display.get_surface()).swapaxes(0, 1)
+    np.testing.assert_array_equal(shown, picture())
+    window.close()
+    window.close()
+    assert not pygame.display.get_init()
+
+
+def test_window_closed_by_hand_stays_closed():
+    window = Window("arm", fps=1000)
+    window.show(picture())
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    for _ in range(3):
+        window.show(picture())
+    assert not pygame.display.get_init()
+    window.close()
+
+
+def test_window_survives_another_user_of_pygame():
+    first, second = Window("first", fps=1000), Window("second", fps=1000)
+    first.show(picture())
+    second.show(tile([picture()] * 2))
+    second.close()
+    first.show(picture())
+    pygame.quit()
+    first.show(picture(caption="again"))
+    first.close()
+
+
+def test_window_keeps_to_its_rate():
+    window = Window("arm", fps=20)
+    window.show(picture())
+    start = pygame.time.get_ticks()
+    window.show(picture())
+    window.show(picture())
+    window.close()
+    assert pygame.time.get_ticks() - start >= 80
+
+
+def test_large_picture_is_shrunk_to_the_screen():
+    window = Window("arm", fps=1000)
+    window.show(np.zeros((1200, 2400, 3), dtype=np.uint8))
+    width, height = pygame.display.get_surface().get_size()
+    assert width == pytest.approx(2 * height, abs=2)
+    assert width <= pygame.display.get_desktop_sizes()[0][0]
+    window.close()
+
+
+def test_missing_pygame_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    with pytest.raises(ImportError, match="pip install pygame"):
+        draw(ARM, SCENE)
+
+
+def test_import_does_without_pygame(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    spec = importlib.util.spec_from_file_location("rendering_alone", rendering.__file__)
+    spec.loader.exec_module(importlib.util.module_from_spec(spec))

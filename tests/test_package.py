@@ -1,0 +1,63 @@
+"""The package as it is installed and as the README shows it."""
+
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import bilateral_rl
+
+ROOT = Path(__file__).parents[1]
+
+
+def python_files(folder):
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*.py")}
+
+
+def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT]
+    pytest.importorskip("setuptools")
+    subprocess.run(command, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("bilateral_rl/")}
+    expected = {f"bilateral_rl/envs/{name}" for name in python_files(ROOT / "envs")}
+    expected |= {f"bilateral_rl/policies/{name}" for name in python_files(ROOT / "policies")}
+    own = python_files(ROOT / "bilateral_rl")
+    expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
+    assert names == expected | {"bilateral_rl/defaults.yaml", "bilateral_rl/py.typed"}
+
+
+def test_dependencies_point_one_way():
+    for room in ("envs", "policies"):
+        other = "policies" if room == "envs" else "envs"
+        for path in (ROOT / room).rglob("*.py"):
+            imported = re.findall(r"^\s*(?:from|import) (bilateral_rl[\w.]*)", path.read_text(), re.MULTILINE)
+            strays = [name for name in imported if not name.startswith(f"bilateral_rl.{room}")]
+            assert not strays, f"{path} imports {strays}, but {room} may import neither {other} nor the study"
+
+
+def test_importing_the_package_registers_environments_and_policies():
+    import gymnasium
+    from stable_baselines3 import A2C, PPO
+
+    assert {"bilateral_rl/RandomReach-v0", "bilateral_rl/HoldPosition-v0"} <= gymnasium.registry.keys()
+    for algorithm in (PPO, A2C):
+        assert {"MlpPolicy", "UnilateralPolicy", "BilateralPolicy", "CallosalPolicy"} <= algorithm.policy_aliases.keys()
+    assert bilateral_rl.__version__
+
+
+def test_start_up_is_silent():
+    code = "import bilateral_rl; bilateral_rl.envs.ArmEnv().reset(seed=0)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+@pytest.mark.parametrize("number", range(2))
+def test_the_readmes_scripts_run(number, tmp_path):
+    scripts = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(scripts) == 2
+    script = re.sub(r"learn\(([\d_]+)", "learn(2_000", scripts[number])
+    subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path, capture_output=True, text=True)
