@@ -75,7 +75,8 @@ def test_the_weight_penalty_touches_exactly_the_groups_it_names(
         "non_dominant": {"dominant": 2.0, "non_dominant": 2.0, "shared": 2.0},
         "specialized": {"dominant": 0.0, "non_dominant": 2.0, "shared": 1.0},
     }[loss]
-    sizes = {"batch_size": 80, "n_epochs": 1, "max_grad_norm": 1e9}
+    # A standard deviation other than 1, whose logarithm would feel a penalty.
+    sizes = {"batch_size": 80, "n_epochs": 1, "max_grad_norm": 1e9, "policy_kwargs": {"log_std_init": -1.0}}
     gradients = []
     for weight_penalty in (0.0, coefficient):
         model = collect(make_model(policy, loss=loss, weight_penalty=weight_penalty, **sizes))
