@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.distributions import SquashedDiagGaussianDistribution
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
@@ -25,7 +26,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
         observation_space: any space that SB3 flattens.
         action_space: a bounded Box.
         lr_schedule: learning rate by remaining progress.
-        architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases below fix it.
+        architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases below have one by default.
         units: units per hidden layer of the actor, over both sides.
         layers: hidden layers of the actor.
         critic_arch: units of each hidden layer of a critic.
@@ -76,7 +77,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
 
     def _build(self, lr_schedule: Schedule) -> None:
         assert isinstance(self.action_space, spaces.Box)
-        n_actions = int(self.action_space.shape[0])
+        n_actions = get_action_dim(self.action_space)
         self._squash_output = True
         self.action_dist = SquashedDiagGaussianDistribution(n_actions)
         self.mlp_extractor = _Latents(self.features_dim, n_actions, self._network, self.critic_arch, self.n_streams)  # type: ignore[assignment]
@@ -84,8 +85,16 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
         self.value_net = _MeanOfStreams()  # type: ignore[assignment]
         self.log_std = nn.Parameter(torch.full((n_actions,), float(self.log_std_init)))
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+        self._constrain_after_steps()
+
+    def _constrain_after_steps(self) -> None:
         # The projection belongs to every update, also those of SB3's own training loops.
         self.optimizer.register_step_post_hook(lambda *_: self.actor.constrain())
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # A copied optimizer has lost its hooks.
+        super().__setstate__(state)
+        self._constrain_after_steps()
 
     @property
     def actor(self) -> MotorNetwork:
@@ -106,12 +115,12 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
 
     def action_mean(self, obs: PyTorchObs) -> Tensor:
         """(n, n_actions): mean of the Gaussian before the squashing."""
-        features = super().extract_features(obs, self.pi_features_extractor)
+        features = BasePolicy.extract_features(self, obs, self.pi_features_extractor)
         return self.mlp_extractor.forward_actor(features)  # type: ignore[no-any-return, operator, arg-type]
 
     def predict_stream_values(self, obs: PyTorchObs) -> Tensor:
         """(n, n_streams): the value of each reward stream."""
-        features = super().extract_features(obs, self.vf_features_extractor)
+        features = BasePolicy.extract_features(self, obs, self.vf_features_extractor)
         return self.mlp_extractor.forward_critic(features)  # type: ignore[no-any-return, operator, arg-type]
 
     def _get_constructor_parameters(self) -> dict[str, Any]:

@@ -17,11 +17,19 @@ class Lesion:
         input_of: the side whose input is zero; its biases still flow, also over the callosum.
         output_of: the side that contributes nothing to the combination; it still sends over the callosum.
         callosum: whether the exchange between the sides is cut.
+
+    Raises:
+        ValueError: a side other than "dominant" and "non_dominant".
     """
 
     input_of: Side | None = None
     output_of: Side | None = None
     callosum: bool = False
+
+    def __post_init__(self) -> None:
+        for side in (self.input_of, self.output_of):
+            if side is not None and side not in SIDES:
+                raise ValueError(f"unknown side {side!r}; choose from {', '.join(SIDES)}.")
 
 
 INTACT = Lesion()

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
@@ -96,7 +97,7 @@ class HemisphericPPO(PPO):
         self.loss = loss
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
-        policy_kwargs = (policy_kwargs or {}) | {"n_streams": len(stream_mix(loss))}
+        policy_kwargs = {"n_streams": len(stream_mix(loss))} | (policy_kwargs or {})
         super().__init__(
             policy,
             env,  # type: ignore[arg-type]
@@ -127,9 +128,20 @@ class HemisphericPPO(PPO):
         n_steps, self.n_steps = self.n_steps, 1
         super()._setup_model()
         self.n_steps = n_steps
+        self._check_spaces_and_streams()
         self._mix = stream_mix(self.loss)
         self._shares = shares(self.loss)
         self.rollout = StreamRollout(n_steps, self.n_envs, self.observation_space, self.action_space, len(self._mix))
+
+    def _check_spaces_and_streams(self) -> None:
+        if not isinstance(self.observation_space, spaces.Box):
+            raise ValueError(f"HemisphericPPO needs observations in a Box, not {self.observation_space}; flatten them.")
+        n_streams = len(stream_mix(self.loss))
+        if self.policy.n_streams != n_streams:
+            raise ValueError(
+                f"the loss {self.loss!r} needs {n_streams} critics, but the policy has {self.policy.n_streams}: "
+                "a saved model keeps its loss, and policy_kwargs leave n_streams out."
+            )
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "rollout", "_mix", "_shares"]
@@ -159,6 +171,7 @@ class HemisphericPPO(PPO):
             rollout.rewards[step] = self._stream_rewards(env, infos)
             rollout.dones[step] = dones
             if dones.any():
+                _name_stream_returns(infos)
                 self._update_info_buffer(infos, dones)
                 truncated = np.array([i for i in np.flatnonzero(dones) if infos[i].get("TimeLimit.truncated")], int)
                 if len(truncated):
@@ -179,12 +192,18 @@ class HemisphericPPO(PPO):
         latent = torch.addcmul(mean, torch.randn_like(mean), self.policy.log_std.exp())
         self.rollout.latent_actions[step] = latent.cpu().numpy()
         self.rollout.log_prob[step] = gaussian_log_prob(latent, mean, self.policy.log_std).cpu().numpy()
-        return self.policy.unscale_action(torch.tanh(latent).cpu().numpy())
+        actions = torch.tanh(latent).cpu().numpy().reshape(-1, *self.policy.action_space.shape)  # type: ignore[misc]
+        return self.policy.unscale_action(actions)
 
     def _stream_rewards(self, env: VecEnv, infos: list[dict[str, Any]]) -> NDArray[np.float32]:
         """(n_envs, n_streams) scaled rewards of the last step."""
         pair = getattr(env, "last_vector_reward", None)
         if pair is None:
+            if "vector_reward" not in infos[0]:
+                raise ValueError(
+                    "HemisphericPPO needs a pair of rewards, dominant and non-dominant: the environment has neither "
+                    "last_vector_reward (n_envs, 2) nor info['vector_reward'] (2,)."
+                )
             pair = np.array([info["vector_reward"] for info in infos], dtype=np.float32)
         return np.asarray(pair @ self._mix.T * self.reward_scale, dtype=np.float32)
 
@@ -216,9 +235,10 @@ class HemisphericPPO(PPO):
         clip_range = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         log: dict[str, list[Tensor]] = defaultdict(list)
         for _ in range(self.n_epochs):
-            if not self._train_epoch(clip_range, log):
-                break
+            completed = self._train_epoch(clip_range, log)
             self._n_updates += 1
+            if not completed:
+                break
         self._record(log, clip_range)
 
     def _train_epoch(self, clip_range: float, log: dict[str, list[Tensor]]) -> bool:
@@ -300,6 +320,14 @@ class HemisphericPPO(PPO):
         record("train/n_updates", self._n_updates, exclude="tensorboard")
         for side, weight in getattr(self.policy.actor, "combination_weights", dict)().items():
             record(f"combination/{side}", weight)
+
+
+def _name_stream_returns(infos: list[dict[str, Any]]) -> None:
+    """Put the streams' returns where SB3 keeps episode statistics; a Monitor in between leaves them out."""
+    for info in infos:
+        if "episode" in info and "vector_return" in info:
+            dominant, non_dominant = (float(value) for value in info["vector_return"])
+            info["episode"] |= {"dominant": dominant, "non_dominant": non_dominant}
 
 
 def gaussian_log_prob(x: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:

@@ -99,7 +99,7 @@ def assign_routed_gradients(losses: Sequence[Tensor], groups: Groups, group_shar
         for (parameter, share), gradient in zip(owned, gradients, strict=True):
             if gradient is None:
                 continue
-            routed = gradient if share == 1.0 else share * gradient
+            routed = share * gradient  # a tensor of its own: autograd may give one to several parameters
             parameter.grad = routed if parameter.grad is None else parameter.grad + routed
 
 

@@ -143,11 +143,15 @@ def test_a_copy_made_in_the_middle_of_a_trial_goes_on_identically(settings, dupl
 
 @each_setting
 def test_what_a_call_returned_is_never_changed_by_later_ones(settings):
+    def calls(env):
+        yield env.reset()
+        yield from (env.step(action) for action in actions(5))
+
     env, kept, snapshots = ArmEnv(trial_length=5, **settings), [], []
     for _ in range(3):
-        for call in (env.reset, *(lambda action=action: env.step(action) for action in actions(5))):
-            kept.append(call())
-            snapshots.append(copy.deepcopy(kept[-1]))
+        for returned in calls(env):
+            kept.append(returned)
+            snapshots.append(copy.deepcopy(returned))
     assert_same(kept, snapshots)
 
 

@@ -184,7 +184,7 @@ def test_the_reward_is_the_mean_of_the_last_vector_reward():
         np.testing.assert_array_equal(rewards, venv.last_vector_reward.mean(axis=1))
 
 
-def test_seeds():
+def test_the_same_seed_gives_the_same_trials_and_another_other_ones():
     one, two, other = make(3), make(3), make(3, seed=8)
     assert_same(run(one, actions(12, 3)), run(two, actions(12, 3)))
     np.testing.assert_array_equal(make(3, seed=7).batch.observation[1:], other.batch.observation[:2])
@@ -293,6 +293,14 @@ def test_stock_ppo_learns_and_logs_the_success_rate(task, tmp_path):
     assert 0 <= float(log["rollout/success_rate"]) <= 1
     assert float(log["rollout/ep_len_mean"]) == 10
     assert float(log["rollout/ep_rew_mean"]) < 0
+
+
+def test_reset_options_are_refused_rather_than_ignored():
+    """ArmEnv's options set its trial; a VecEnv takes them through set_options."""
+    venv = make(2)
+    venv.set_options({"start": (1.0, 1.0)})
+    with pytest.raises(ValueError, match="options"):
+        venv.reset()
 
 
 def test_sb3s_seed_seeds_the_arms():
