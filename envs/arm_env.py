@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.scene import RENDER_FPS, RENDER_MODES, SceneView
 from bilateral_rl.envs.tasks import Task, Trials, make_task
@@ -112,7 +112,10 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         super().reset(seed=seed)
         draws = self.batch.draw(self.np_random)
-        trials = _given_trial(options) if options else self.batch.task.trials(draws.uniform, self.settings)
+        if options:
+            trials = _given_trial(options, self.settings.arm)
+        else:
+            trials = self.batch.task.trials(draws.uniform, self.settings)
         self.batch.start(_ARM, trials, draws.noise)
         self._steps_left = self.settings.trial_length
         self._view.advance()
@@ -142,7 +145,7 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._view.close()
 
 
-def _given_trial(options: dict[str, Any]) -> Trials:
+def _given_trial(options: dict[str, Any], arm: ArmParameters) -> Trials:
     unknown = sorted(set(options) - set(_TRIAL_OPTIONS))
     if unknown or "start" not in options:
         raise ValueError(f"a trial is set by {', '.join(_TRIAL_OPTIONS)}, 'start' always, got {sorted(options)}.")
@@ -150,6 +153,11 @@ def _given_trial(options: dict[str, Any]) -> Trials:
     for name, value in values.items():
         if value.shape != (2,) or not np.isfinite(value).all():
             raise ValueError(f"{name} must be two finite numbers, got {options[name]!r}.")
+    lower, upper = np.array(arm.joint_lower_limit, np.float32), np.array(arm.joint_upper_limit, np.float32)
+    for name in ("start", "goal"):
+        if name in values and not ((values[name] >= lower) & (values[name] <= upper)).all():
+            limits = f"{lower.tolist()} to {upper.tolist()} rad"
+            raise ValueError(f"{name} must lie within the joint limits, {limits}, got {options[name]!r}.")
     start = values["start"]
     load = values.get("load", np.zeros(2, dtype=np.float32))
     return Trials(start=start[None], goal=values.get("goal", start)[None], load=load[None])

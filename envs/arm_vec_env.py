@@ -82,8 +82,13 @@ class ArmVecEnv(VecEnv):
 
     def reset(self) -> VecEnvObs:
         """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset."""
-        if self._streams is None or any(seed is not None for seed in self._seeds):
+        if any(self._options):
+            self._reset_options()
+            raise ValueError("ArmVecEnv draws its trials and takes no reset options; ArmEnv.reset(options=...) does.")
+        if self._streams is None:
             self._streams = TrialStreams(self.batch, self._seeds)
+        else:
+            self._streams.reseed(self._seeds)
         self._streams.start(self._arms)
         self._clock[:] = 0
         self._view.advance()

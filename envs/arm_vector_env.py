@@ -67,15 +67,21 @@ class ArmVectorEnv(VectorEnv[Float, Float, NDArray[Any]]):
         self._venv.step_async(actions)
         observation, reward, done, final_infos = self._venv.step_wait()
         assert isinstance(observation, np.ndarray)
+        batch = self._venv.batch
         infos: dict[str, Any] = {
             "vector_reward": self._venv.last_vector_reward,
             "_vector_reward": np.ones(self.num_envs, dtype=np.bool_),
+            # Where a trial just ended the clock is 0, and entry -1 is that trial's last.
+            "distance": batch.distance[np.arange(self.num_envs), batch.clock - 1].astype(float),
+            "_distance": np.ones(self.num_envs, dtype=np.bool_),
         }
         for arm in np.flatnonzero(done):
             final_info = final_infos[arm]
             final_obs = final_info.pop("terminal_observation")
             final_info.pop("TimeLimit.truncated")
             final_info.pop("episode")
+            final_info["vector_reward"] = infos["vector_reward"][arm]
+            final_info["distance"] = infos["distance"][arm]
             infos = self._add_info(infos, {"final_obs": final_obs, "final_info": final_info}, int(arm))
         return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), done, infos
 

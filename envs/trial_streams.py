@@ -30,6 +30,13 @@ class TrialStreams:
         self._uniform = np.empty((batch.n, ahead, batch.task.n_uniform))
         self._next = np.full(batch.n, ahead)
 
+    def reseed(self, seeds: Sequence[int | None]) -> None:
+        """Begin arm ``i``'s stream anew from ``seeds[i]``; where that is None, the stream goes on."""
+        for arm, seed in enumerate(seeds):
+            if seed is not None:
+                self._generators[arm] = seeding.np_random(seed)[0]
+                self._next[arm] = self._uniform.shape[1]
+
     def start(self, arms: NDArray[np.int32]) -> None:
         """Begin the next trial of each of ``arms``."""
         ahead = self._uniform.shape[1]

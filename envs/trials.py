@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -61,15 +63,16 @@ class TrialSettings:
     arm: ArmParameters = field(default_factory=ArmParameters)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.trial_length, int) or self.trial_length < 1:
-            raise ValueError(f"trial_length must be a whole number of at least 1 step, got {self.trial_length!r}.")
-        if not isinstance(self.feedback_delay, int) or self.feedback_delay < 0:
-            raise ValueError(f"feedback_delay must be a whole number of at least 0 steps, got {self.feedback_delay!r}.")
-        if not 0 < self.threshold < float("inf"):
+        for name, least in (("trial_length", 1), ("feedback_delay", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, numbers.Integral) or isinstance(value, bool) or value < least:
+                raise ValueError(f"{name} must be a whole number of at least {least} steps, got {value!r}.")
+        for name in ("threshold", "max_load", "sensory_noise", "motor_noise"):
+            value = getattr(self, name)
+            if not isinstance(value, numbers.Real) or isinstance(value, bool) or not 0 <= float(value) < math.inf:
+                raise ValueError(f"{name} must be a finite number of at least 0, got {value!r}.")
+        if not self.threshold > 0:
             raise ValueError(f"threshold must be a positive distance in m, got {self.threshold!r}.")
-        for name in ("max_load", "sensory_noise", "motor_noise"):
-            if not 0 <= getattr(self, name) < float("inf"):
-                raise ValueError(f"{name} must be a finite number of at least 0, got {getattr(self, name)!r}.")
 
     @property
     def noisy(self) -> bool:
@@ -184,7 +187,16 @@ class TrialBatch:
             self._fetch()
 
     def step(self, action: NDArray[np.float32]) -> None:
-        """One step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound."""
+        """One step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound.
+
+        Raises:
+            ValueError: another shape (one arm also takes (6,)), or a number that is not finite.
+        """
+        shape = self._host_action.shape
+        if np.shape(action) != shape and (self.n > 1 or np.shape(action) != shape[1:]):
+            raise ValueError(f"actions must have shape {shape}, got {np.shape(action)}.")
+        if not np.isfinite(action).all():
+            raise ValueError("actions must be finite numbers: has the policy diverged?")
         self._host_action[:] = action
         if not self._on_cpu:
             self._action.assign(self._host_action)

@@ -93,7 +93,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # A copied optimizer has lost its hooks.
-        super().__setstate__(state)
+        super().__setstate__(state)  # type: ignore[no-untyped-call]
         self._constrain_after_steps()
 
     @property

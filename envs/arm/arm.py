@@ -64,13 +64,13 @@ class Arm:
 
     def state(self, joint: Tensor) -> ArmState:
         """The state with ``joint`` (n, 4) and every muscle at its minimal activation. Not differentiable."""
-        joint = joint.detach().to(self.device, self.dtype).contiguous()
+        joint = joint.detach().to(self.device, self.dtype, copy=True).contiguous()
         if joint.ndim != 2 or joint.shape[1] != 4:
             raise ValueError(f"joint must have shape (n, 4), got {tuple(joint.shape)}.")
         n = len(joint)
         muscle, cartesian = joint.new_empty(n, N_MUSCLE_ROWS, N_MUSCLES), joint.new_empty(n, 4)
         arrays = [_as_warp(self._kernels, name, t) for name, t in zip("jmc", (joint, muscle, cartesian), strict=True)]
-        wp.launch(self._kernels.rest, dim=n, inputs=[self._p, *arrays], device=str(self.device))
+        wp.launch(self._kernels.rest, dim=n, inputs=[self._p, *arrays], **_place(self.device))
         return ArmState(joint, muscle, cartesian)
 
     def step(self, state: ArmState, excitation: Tensor, load: Tensor | None = None) -> ArmState:
@@ -90,13 +90,14 @@ class Arm:
         n = len(state.joint)
         if load is None:
             load = state.joint.new_zeros(n, 2)
-        if excitation.shape != (n, N_MUSCLES) or load.shape != (n, 2):
-            raise ValueError(
-                f"for {n} arms excitation must have shape {(n, N_MUSCLES)} and load {(n, 2)}, "
-                f"got {tuple(excitation.shape)} and {tuple(load.shape)}."
-            )
-        out: tuple[Tensor, Tensor, Tensor] = _Step.apply(self, state.joint, state.muscle, excitation, load)  # type: ignore[no-untyped-call]
-        return ArmState(*out)
+        given = {"joint": state.joint, "muscle": state.muscle, "excitation": excitation, "load": load}
+        for (name, tensor), shape in zip(
+            given.items(), ((4,), (N_MUSCLE_ROWS, N_MUSCLES), (N_MUSCLES,), (2,)), strict=True
+        ):
+            if tensor.shape != (n, *shape):
+                raise ValueError(f"{name} of {n} arms must have shape {(n, *shape)}, got {tuple(tensor.shape)}.")
+        inputs = (tensor.to(self.device, self.dtype) for tensor in given.values())
+        return ArmState(*_Step.apply(self, *inputs))  # type: ignore[no-untyped-call]
 
     def proprioception(self, state: ArmState) -> Tensor:
         """(n, 12): muscle lengths (optimal lengths), then velocities (maximal velocities)."""
@@ -113,22 +114,24 @@ class _Step(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, arm: Arm, *inputs: Tensor) -> tuple[Tensor, ...]:
-        inputs = tuple(t.detach().to(arm.device, arm.dtype).contiguous() for t in inputs)
+        inputs = tuple(t.contiguous() for t in inputs)
         n = len(inputs[0])
         outputs = (
             inputs[0].new_empty(n, 4),
             inputs[0].new_empty(n, N_MUSCLE_ROWS, N_MUSCLES),
             inputs[0].new_empty(n, 4),
         )
-        ctx.arm, ctx.tensors = arm, inputs + outputs
+        ctx.arm = arm
+        ctx.save_for_backward(*inputs, *outputs)
         _launch_step(arm, inputs + outputs, gradients=None)
         return outputs
 
     @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        tensors: tuple[Tensor, ...] = ctx.tensors
+        tensors: tuple[Tensor, ...] = ctx.saved_tensors
         grad_inputs = [torch.zeros_like(t) for t in tensors[:4]]
-        # Warp adds to the adjoints of what it reads and may clear those of what it wrote, so it gets a copy of ours.
+        # Warp may clear the adjoints of what it wrote, so it gets a copy of torch's.
         _launch_step(ctx.arm, tensors, gradients=[*grad_inputs, *(g.contiguous().clone() for g in grad_outputs)])
         return (None, *grad_inputs)
 
@@ -148,8 +151,15 @@ def _launch_step(arm: Arm, tensors: tuple[Tensor, ...], gradients: list[Tensor] 
         adj_inputs=adjoints[:5],
         adj_outputs=adjoints[5:],
         adjoint=gradients is not None,
-        device=str(arm.device),
+        **_place(arm.device),
     )
+
+
+def _place(device: torch.device) -> dict[str, Any]:
+    """Where to launch: on CUDA, the stream that torch is using."""
+    if device.type == "cuda":
+        return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device))}
+    return {"device": str(device)}
 
 
 def _as_warp(kernels: Any, name: str, tensor: Tensor) -> Any:

@@ -108,12 +108,19 @@ class ArmParameters:
                 _check_tuple(field.name, value, len(field.default))
             elif not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise ValueError(f"ArmParameters.{field.name} must be a finite number, got {value!r}.")
-        _check_positive(self)
+        _check_signs(self)
         for lower, upper in zip(self.joint_lower_limit, self.joint_upper_limit, strict=True):
             if not lower < upper:
                 raise ValueError(f"a joint_lower_limit must be below its joint_upper_limit, got {lower} and {upper}.")
         if not 0 < self.min_activation < 1:
             raise ValueError(f"min_activation must lie between 0 and 1, got {self.min_activation}.")
+        if not self.low_activation_origin < self.low_activation:
+            raise ValueError(
+                f"low_activation ({self.low_activation}) must be above low_activation_origin "
+                f"({self.low_activation_origin})."
+            )
+        if not self.lengthening_force > 1:
+            raise ValueError(f"lengthening_force must be above the isometric force, 1, got {self.lengthening_force}.")
         if not self.normalized_slack_muscle_length < 1 + self.active_width:
             raise ValueError(
                 "normalized_slack_muscle_length must be below 1 + active_width "
@@ -141,6 +148,11 @@ _POSITIVE = (
     "min_active_force_length", "hill_a", "hill_b",
 )  # fmt: skip
 
+_NOT_NEGATIVE = (
+    "link_center_of_mass", "tendon_length", "low_activation_origin", "low_activation_drop", "lengthening_slope_ratio",
+    "lengthening_asymptote_slope",
+)  # fmt: skip
+
 
 def _check_tuple(name: str, value: Any, length: int) -> None:
     if not isinstance(value, tuple) or len(value) != length:
@@ -149,8 +161,10 @@ def _check_tuple(name: str, value: Any, length: int) -> None:
         raise ValueError(f"ArmParameters.{name} must hold finite numbers, got {value!r}.")
 
 
-def _check_positive(parameters: ArmParameters) -> None:
-    for name in _POSITIVE:
+def _check_signs(parameters: ArmParameters) -> None:
+    for name in (*_POSITIVE, *_NOT_NEGATIVE):
         value = getattr(parameters, name)
-        if min(value if isinstance(value, tuple) else (value,)) <= 0:
-            raise ValueError(f"ArmParameters.{name} must be positive, got {value!r}.")
+        least = min(value if isinstance(value, tuple) else (value,))
+        if least < 0 or (least == 0 and name in _POSITIVE):
+            wanted = "positive" if name in _POSITIVE else "at least 0"
+            raise ValueError(f"ArmParameters.{name} must be {wanted}, got {value!r}.")

@@ -31,9 +31,14 @@ def test_configuration_and_weights_come_back_as_they_were(tmp_path, small):
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
     path = tmp_path / "file"
     path.write_text("old")
-    with pytest.raises(RuntimeError), replacing(path) as temporary:
-        temporary.write_text("ne")
-        raise RuntimeError
+
+    def fail():
+        with replacing(path) as temporary:
+            temporary.write_text("ne")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -44,7 +49,9 @@ def test_a_run_records_the_versions_that_made_it(run):
     assert {"bilateral-rl", "commit", "python", "stable-baselines3", "warp-lang"} <= versions.keys()
 
 
-@pytest.mark.parametrize("content", [b"", b"not tensors", b"\xff" * 8 + b"{}", b"\x08\x00\x00\x00\x00\x00\x00\x00{}      "])
+@pytest.mark.parametrize(
+    "content", [b"", b"not tensors", b"\xff" * 8 + b"{}", b"\x08\x00\x00\x00\x00\x00\x00\x00{}      "]
+)
 def test_damaged_weights_are_refused(run, content):
     (run.path / "weights" / "final.safetensors").write_bytes(content)
     from bilateral_rl.training import load_policy

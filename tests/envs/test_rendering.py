@@ -46,10 +46,12 @@ def changed(first, second):
 
 def hand(angles):
     upper, fore = ARM.link_length
-    return np.array([
-        upper * np.cos(angles[0]) + fore * np.cos(np.sum(angles)),
-        upper * np.sin(angles[0]) + fore * np.sin(np.sum(angles)),
-    ])
+    return np.array(
+        [
+            upper * np.cos(angles[0]) + fore * np.cos(np.sum(angles)),
+            upper * np.sin(angles[0]) + fore * np.sin(np.sum(angles)),
+        ]
+    )
 
 
 def is_near(mask, point, radius):

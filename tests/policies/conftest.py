@@ -52,9 +52,7 @@ def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: L
                     sent = np.maximum(before[other][:, 2 * pair], before[other][:, 2 * pair + 1])
                     activity[side][:, width - width // 2 + pair] += sent
         activity = {side: np.tanh(dense(f"{side}.{k}", x)) for side, x in activity.items()}
-    combined = sum(
-        weights[f"combination_{side}"] * x for side, x in activity.items() if lesion.output_of != side
-    )
+    combined = sum(weights[f"combination_{side}"] * x for side, x in activity.items() if lesion.output_of != side)
     return dense("output", combined)
 
 

@@ -65,9 +65,7 @@ def test_every_model_trains_every_parameter_each_in_one_group_with_a_share(
 
 
 @pytest.mark.parametrize(("policy", "loss"), ARCHITECTURE_AND_LOSS)
-def test_the_weight_penalty_touches_exactly_the_groups_it_names(
-    make_model, collect, gradients_of_update, policy, loss
-):
+def test_the_weight_penalty_touches_exactly_the_groups_it_names(make_model, collect, gradients_of_update, policy, loss):
     coefficient = 0.3
     factor = {
         "combined": {"dominant": 1.0, "non_dominant": 1.0, "shared": 1.0},

@@ -76,9 +76,7 @@ def brute_force_rollout(model, first, steps, loss, reward_scale):
         pytest.param(lambda: DummyVecEnv([RandomEnds] * 3), 40, id="truncated and terminated at random"),
     ],
 )
-def test_a_rollout_holds_the_advantages_of_a_brute_force_computation(
-    make_model, collect, recorder, loss, env, n_steps
-):
+def test_a_rollout_holds_the_advantages_of_a_brute_force_computation(make_model, collect, recorder, loss, env, n_steps):
     env = recorder(env())
     model = make_model(
         env=env, loss=loss, n_steps=n_steps, batch_size=n_steps, gamma=GAMMA, gae_lambda=LAMBDA, reward_scale=0.5

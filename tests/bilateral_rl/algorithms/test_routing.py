@@ -131,9 +131,7 @@ def test_adam_does_not_move_a_parameter_without_a_share():
     optimizer = torch.optim.Adam([moving, resting], lr=0.1)
     optimizer.step()
     before = resting.detach().clone(), moving.detach().clone()
-    assign_routed_gradients(
-        [(moving * resting).sum()], {"a": [moving], "b": [resting]}, {"a": [1.0], "b": [0.0]}
-    )
+    assign_routed_gradients([(moving * resting).sum()], {"a": [moving], "b": [resting]}, {"a": [1.0], "b": [0.0]})
     optimizer.step()
     assert torch.equal(resting, before[0])
     assert not torch.equal(moving, before[1])

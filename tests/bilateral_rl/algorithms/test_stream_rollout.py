@@ -74,9 +74,7 @@ def test_advantages_are_the_sums_of_temporal_differences_stream_by_stream(episod
         gamma,
         gae_lambda,
     )
-    np.testing.assert_allclose(
-        advantages, brute_force_advantages(episode, gamma, gae_lambda), rtol=1e-4, atol=1e-4
-    )
+    np.testing.assert_allclose(advantages, brute_force_advantages(episode, gamma, gae_lambda), rtol=1e-4, atol=1e-4)
 
 
 @fast
