@@ -97,14 +97,12 @@ class StreamRollout:
 
     def minibatches(self, batch_size: int, device: torch.device) -> Iterator[StreamBatch]:
         """One pass over all samples in random order."""
+        n = self.log_prob.size
         columns = [
-            torch.from_numpy(array.reshape(self.log_prob.size, -1)).to(device)
+            torch.from_numpy(array.reshape(n, *array.shape[2:])).to(device)
             for array in (
                 self.observations, self.latent_actions, self.log_prob, self.values, self.advantages, self.returns,
             )
         ]  # fmt: skip
-        widths = [column.shape[1] for column in columns]
-        table = torch.cat(columns, dim=1)
-        for rows in torch.randperm(len(table), device=device).split(batch_size):
-            observations, latent, log_prob, values, advantages, returns = table[rows].split(widths, dim=1)
-            yield StreamBatch(observations, latent, log_prob.squeeze(1), values, advantages, returns)
+        for rows in torch.randperm(n, device=device).split(batch_size):
+            yield StreamBatch(*(column[rows] for column in columns))
