@@ -14,10 +14,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from bilateral_rl import config as configuration
-from bilateral_rl import training
+from bilateral_rl import settings, training
 from bilateral_rl.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
-from bilateral_rl.config import TrainConfig
+from bilateral_rl.config import TrainConfig, resolve
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord, summaries
 from bilateral_rl.run_folder import RunFolder, find_runs, replacing
@@ -38,9 +37,9 @@ def train(
     console: Console,
 ) -> None:
     """Train from scratch: tuned defaults < file < --set < flags."""
-    layers = [configuration.load_file(config_file)] if config_file else []
-    layers += [configuration.parse_overrides(overrides), _nested(flags)]
-    config = configuration.resolve(algo, task, layers, model=model)
+    layers = [settings.load_file(config_file)] if config_file else []
+    layers += [settings.parse_overrides(overrides), _nested(flags)]
+    config = resolve(algo, task, layers, model=model)
     training.check_device(config.device)
     _report_training(config, console, lambda progress: training.train(config, out, progress))
 
@@ -54,7 +53,7 @@ def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
             raise UserError(f"A resumed run keeps its settings: --resume takes --timesteps and --device, not --{flag}.")
     folder = RunFolder.open(path)
     values = folder.config().to_values() | {name: given[name] for name in allowed if given[name] is not None}
-    config = configuration.resolve(None, None, [values])
+    config = resolve(None, None, [values])
     training.check_device(config.device)
     _report_training(config, console, lambda progress: training.resume(folder, config, progress))
 
@@ -207,7 +206,7 @@ def _nested(flags: Mapping[str, Any]) -> dict[str, Any]:
             continue
         for part in reversed(name.split(".")):
             value = {part: value}
-        nested = configuration.merge(nested, value)
+        nested = settings.merge(nested, value)
     return nested
 
 

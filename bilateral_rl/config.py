@@ -1,27 +1,21 @@
-"""The configuration of a training: typed fields, defaults as data, files and ``key=value`` overrides."""
+"""The configuration of a training: typed fields, tuned defaults as data, and what can work."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import importlib.resources
-import math
-import types
 import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from bilateral_rl.catalogue import check_names, find_model
-from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies.networks import make_network
-
-Values = dict[str, Any]
+from bilateral_rl.settings import Values, build, merge, plain
 
 
 @dataclass(frozen=True)
@@ -98,7 +92,7 @@ class TrainConfig:
 
     def to_values(self) -> Values:
         """Nested dictionaries of plain numbers, strings and lists."""
-        return typing.cast(Values, _plain(dataclasses.asdict(self)))
+        return typing.cast(Values, plain(dataclasses.asdict(self)))
 
 
 def resolve(
@@ -133,50 +127,11 @@ def tuned_defaults(algo: str, task: str) -> Values:
     return merge(table.get("any_task") or {}, table.get(task) or {})
 
 
-def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
-    """``base`` with the entries of ``over``, nested dictionaries merged."""
-    merged = dict(base)
-    for key, value in over.items():
-        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
-        merged[key] = merge(merged[key], value) if both else value
-    return merged
-
-
 def from_values(values: Mapping[str, Any]) -> TrainConfig:
     """The inverse of :meth:`TrainConfig.to_values`. Raises UserError for unknown keys and wrong types."""
-    config = _build(TrainConfig, values, prefix="")
+    config = build(TrainConfig, values)
     assert isinstance(config, TrainConfig)
     return config
-
-
-def load_file(path: Path) -> Values:
-    """Settings from a YAML or JSON file, read without executing anything in it. Raises UserError."""
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"Cannot read the configuration {path}: {error}.") from None
-    except yaml.YAMLError as error:
-        raise UserError(f"The configuration {path} is neither YAML nor JSON: {_one_line(error)}.") from None
-    if not isinstance(values, dict):
-        raise UserError(f"The configuration {path} must hold settings by name, as `bilateral-rl train` writes them.")
-    return values
-
-
-def parse_overrides(items: Sequence[str]) -> Values:
-    """``["ppo.learning_rate=0.003"]`` as nested dictionaries. Raises UserError for text of another form."""
-    values: Values = {}
-    for item in items:
-        key, equals, text = item.partition("=")
-        if not equals or not key:
-            raise UserError(f"--set takes key=value, such as ppo.learning_rate=0.003, not {item!r}.")
-        try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError:
-            raise UserError(f"The value in --set {item!r} is neither a number, a word nor a list.") from None
-        for part in reversed(key.split(".")):
-            value = {part: value}
-        values = merge(values, value)
-    return values
 
 
 def check(config: TrainConfig) -> None:
@@ -219,64 +174,3 @@ def _check_ppo(ppo: PPOConfig, n_envs: int) -> None:
 def _check_at_least(name: str, value: int, least: int) -> None:
     if value < least:
         raise UserError(f"{name} must be at least {least}, got {value}.")
-
-
-def _build(cls: type[Any], values: Mapping[str, Any], prefix: str) -> Any:
-    if not isinstance(values, Mapping):
-        raise UserError(f"{prefix.rstrip('.')} must hold settings by name, got {values!r}.")
-    hints = typing.get_type_hints(cls)
-    names = [f.name for f in dataclasses.fields(cls)]
-    arguments = {}
-    for name, value in values.items():
-        if name not in names:
-            place = f"in {prefix.rstrip('.')}" if prefix else "among the settings"
-            raise UserError(f"Unknown setting {name!r} {place}; choose from {', '.join(names)}.")
-        arguments[name] = _convert(hints[name], value, f"{prefix}{name}")
-    try:
-        return cls(**arguments)
-    except ValueError as error:
-        raise UserError(f"{prefix}{error}") from None
-
-
-def _convert(hint: Any, value: Any, name: str) -> Any:
-    if dataclasses.is_dataclass(hint):
-        return _build(typing.cast(type[Any], hint), value, f"{name}.")
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin in (typing.Union, types.UnionType):
-        return None if value is None else _convert(arguments[0], value, name)
-    if origin is tuple:
-        if not isinstance(value, (list, tuple)):
-            raise UserError(f"{name} must be a list, got {value!r}.")
-        return tuple(_convert(arguments[0], item, name) for item in value)
-    return _convert_scalar(hint, value, name)
-
-
-def _convert_scalar(hint: Any, value: Any, name: str) -> Any:
-    if hint is str and isinstance(value, str):
-        return value
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if isinstance(value, str) and hint in (int, float):
-        # YAML reads 1e-3 as a word.
-        with contextlib.suppress(ValueError):
-            value, is_number = float(value), True
-    if hint is float and is_number and math.isfinite(value):
-        return float(value)
-    if hint is int and is_number and math.isfinite(value) and value == int(value):
-        return int(value)
-    wanted = {int: "a whole number", float: "a finite number", str: "a word"}[hint]
-    raise UserError(f"{name} must be {wanted}, got {value!r}.")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_plain(v) for v in value]
-    return value
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-__all__ = ["ArmParameters", "EvaluationConfig", "NetworkConfig", "PPOConfig", "TrainConfig", "resolve"]

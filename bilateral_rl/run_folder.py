@@ -20,8 +20,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from bilateral_rl import config as configuration
-from bilateral_rl.config import TrainConfig
+from bilateral_rl import settings
+from bilateral_rl.config import TrainConfig, resolve
 from bilateral_rl.errors import UserError
 
 FINAL, BEST = "final", "best"
@@ -70,8 +70,8 @@ class RunFolder:
 
     def config(self) -> TrainConfig:
         """The resolved configuration. Raises UserError if it is damaged."""
-        values = configuration.load_file(self.path / "config.yaml")
-        return configuration.resolve(None, None, [values])
+        values = settings.load_file(self.path / "config.yaml")
+        return resolve(None, None, [values])
 
     def status(self) -> dict[str, Any]:
         """``status.json``, or an empty dictionary."""

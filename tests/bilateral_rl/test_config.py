@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config import TrainConfig, from_values, load_file, merge, parse_overrides, resolve, tuned_defaults
+from bilateral_rl.config import TrainConfig, from_values, resolve, tuned_defaults
 from bilateral_rl.envs import TASKS
 from bilateral_rl.errors import UserError
+from bilateral_rl.settings import load_file, merge, parse_overrides
 
 
 @pytest.mark.parametrize("task", TASKS)

@@ -10,8 +10,9 @@ from stable_baselines3.common.monitor import load_results
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bilateral_rl.catalogue import MODELS
-from bilateral_rl.config import merge, resolve
+from bilateral_rl.config import resolve
 from bilateral_rl.errors import UserError
+from bilateral_rl.settings import merge
 from bilateral_rl.training import Progress, build_algorithm, load_policy, resume, train
 
 

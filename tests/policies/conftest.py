@@ -56,15 +56,6 @@ def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: L
     return dense("output", combined)
 
 
-@pytest.fixture(autouse=True, scope="package")
-def one_torch_thread():
-    """Networks this small only lose time to threads, on a busy machine most of it."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 @pytest.fixture
 def random_network() -> MakeNetwork:
     """Builder of a network with random parameters throughout."""

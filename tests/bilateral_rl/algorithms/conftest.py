@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
@@ -10,15 +9,6 @@ from bilateral_rl.algorithms import HemisphericPPO
 from bilateral_rl.envs import ArmVecEnv
 
 N_ENVS, N_STEPS = 4, 20
-
-
-@pytest.fixture(autouse=True, scope="package")
-def one_torch_thread():
-    """Networks this small only lose time to threads, on a busy machine most of it."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def _make_model(policy="CallosalPolicy", env=None, **kwargs):
