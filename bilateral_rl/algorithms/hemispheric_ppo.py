@@ -52,8 +52,10 @@ class HemisphericPPO(PPO):
             non-dominant hemisphere, by half on shared layers, not at all on the dominant hemisphere.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
         learning_rate, n_steps, batch_size, n_epochs, gamma, gae_lambda, clip_range, clip_range_vf,
-        normalize_advantage, ent_coef, vf_coef, target_kl, stats_window_size, tensorboard_log, policy_kwargs, verbose,
+        normalize_advantage, vf_coef, target_kl, stats_window_size, tensorboard_log, policy_kwargs, verbose,
         seed, device: as for SB3's ``PPO``.
+        ent_coef: weight of the entropy of the Gaussian before its squashing. Stock PPO estimates the entropy of the
+            squashed one from the sampled actions, whose expected gradient is zero: a bonus that does nothing.
         max_grad_norm: bound of the gradient norm of each parameter group.
 
     Raises:
@@ -276,8 +278,7 @@ class HemisphericPPO(PPO):
         value_loss = (self._clipped_values(values, batch.old_values) - batch.returns).square().mean(dim=0)
         loss = policy_loss + self.vf_coef * value_loss
         if self.ent_coef:
-            # As stock PPO does for squashed actions, whose entropy has no closed form.
-            loss = loss + self.ent_coef * log_prob.mean()
+            loss = loss - self.ent_coef * gaussian_entropy(policy.log_std)
         with torch.no_grad():
             approx_kl = (ratio - 1 - log_ratio).mean()
             log["approx_kl"].append(approx_kl)
@@ -328,6 +329,11 @@ def _name_stream_returns(infos: list[dict[str, Any]]) -> None:
         if "episode" in info and "vector_return" in info:
             dominant, non_dominant = (float(value) for value in info["vector_return"])
             info["episode"] |= {"dominant": dominant, "non_dominant": non_dominant}
+
+
+def gaussian_entropy(log_std: Tensor) -> Tensor:
+    """Entropy of independent Gaussians (nats)."""
+    return (log_std + 0.5 * math.log(2 * math.pi * math.e)).sum()
 
 
 def gaussian_log_prob(x: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:

@@ -83,11 +83,10 @@ def is_critic(name):
 
 SETTINGS = [
     {},
-    {"ent_coef": 0.05},
     {"clip_range_vf": 0.03},
     {"clip_range": 0.01},
     {"normalize_advantage": False},
-    {"ent_coef": 0.05, "clip_range_vf": 0.03, "clip_range": 0.05},
+    {"clip_range_vf": 0.03, "clip_range": 0.05},
 ]
 
 
@@ -123,6 +122,16 @@ def test_with_equal_streams_a_bilateral_networks_gradients_are_stock_ppos_too(co
 def test_the_comparison_sees_clipped_ratios_and_values(compare):
     """Guards the tests above: their clip ranges bind, so the gradients with and without differ."""
     free, _, _ = compare("UnilateralPolicy", "combined")
-    for settings in ({"clip_range": 0.01}, {"clip_range_vf": 0.03}, {"ent_coef": 0.05}):
+    for settings in ({"clip_range": 0.01}, {"clip_range_vf": 0.03}):
         bound, _, _ = compare("UnilateralPolicy", "combined", **settings)
         assert any((bound[name] - free[name]).abs().max() > 1e-3 for name in free), settings
+
+
+@pytest.mark.parametrize("loss", ["combined", "specialized"])
+def test_the_entropy_bonus_widens_every_action_by_its_coefficient_and_moves_nothing_else(compare, loss):
+    """Entropy of a Gaussian grows by one nat per nat of log_std; stock PPO's estimate has no expected gradient."""
+    without, _, _ = compare("CallosalPolicy", loss)
+    with_bonus, _, _ = compare("CallosalPolicy", loss, ent_coef=0.05)
+    for name, gradient in without.items():
+        expected = gradient - 0.05 if name == "log_std" else gradient
+        torch.testing.assert_close(with_bonus[name], expected, **TOLERANCE)
