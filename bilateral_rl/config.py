@@ -48,6 +48,8 @@ class PPOConfig:
     clip_range: float = 0.2
     ent_coef: float = 0.0
     """Too little, and the exploration narrows before the hand finds its way."""
+    final_ent_coef: float = 0.0
+    """Reached linearly at the last step."""
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
     """Of each parameter group."""
@@ -84,8 +86,8 @@ class TrainConfig:
     """Arms simulated at once."""
     device: str = "cpu"
     """Where arms and networks are computed: "cpu" or "cuda"."""
-    threads: int = 2
-    """CPU threads of torch; more rarely pay for networks this small, and on a busy machine one may be faster."""
+    threads: int = 1
+    """CPU threads of torch. A second one gains a fifth on an idle machine and loses half on a busy one."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
     ppo: PPOConfig = field(default_factory=PPOConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
@@ -164,7 +166,7 @@ def _check_ppo(ppo: PPOConfig, n_envs: int) -> None:
     for name in ("learning_rate", "clip_range", "max_grad_norm", "reward_scale"):
         if not getattr(ppo, name) > 0:
             raise UserError(f"ppo.{name} must be positive, got {getattr(ppo, name)}.")
-    for name in ("final_learning_rate", "ent_coef", "vf_coef", "weight_penalty"):
+    for name in ("final_learning_rate", "ent_coef", "final_ent_coef", "vf_coef", "weight_penalty"):
         if getattr(ppo, name) < 0:
             raise UserError(f"ppo.{name} must be at least 0, got {getattr(ppo, name)}.")
     for name in ("gamma", "gae_lambda"):

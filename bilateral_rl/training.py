@@ -115,7 +115,7 @@ def build_algorithm(config: TrainConfig) -> HemisphericPPO:
         gamma=ppo.gamma,
         gae_lambda=ppo.gae_lambda,
         clip_range=ppo.clip_range,
-        ent_coef=ppo.ent_coef,
+        ent_coef=linear_schedule(ppo.ent_coef, ppo.final_ent_coef),
         vf_coef=ppo.vf_coef,
         max_grad_norm=ppo.max_grad_norm,
         stats_window_size=max(100, config.n_envs),
@@ -174,7 +174,7 @@ def load_policy_weights(policy: BilateralActorCriticPolicy, tensors: dict[str, T
 
 @dataclass(frozen=True)
 class linear_schedule:  # noqa: N801 - used as a function; a class so that SB3 can pickle it
-    """Learning rate that goes linearly from ``initial`` to ``final``, by the remaining progress (1 to 0)."""
+    """Goes linearly from ``initial`` to ``final``, by the remaining progress (1 to 0)."""
 
     initial: float
     final: float

@@ -15,7 +15,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, Schedule
-from stable_baselines3.common.utils import explained_variance
+from stable_baselines3.common.utils import FloatSchedule, explained_variance
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
@@ -54,8 +54,8 @@ class HemisphericPPO(PPO):
         learning_rate, n_steps, batch_size, n_epochs, gamma, gae_lambda, clip_range, clip_range_vf,
         normalize_advantage, vf_coef, target_kl, stats_window_size, tensorboard_log, policy_kwargs, verbose,
         seed, device: as for SB3's ``PPO``.
-        ent_coef: weight of the entropy of the Gaussian before its squashing. Stock PPO estimates the entropy of the
-            squashed one from the sampled actions, whose expected gradient is zero: a bonus that does nothing.
+        ent_coef: weight of the entropy of the Gaussian before its squashing, or its schedule. Stock PPO estimates
+            the squashed one's from the sampled actions, with zero expected gradient: a bonus that does nothing.
         max_grad_norm: bound of the gradient norm of each parameter group.
 
     Raises:
@@ -82,7 +82,7 @@ class HemisphericPPO(PPO):
         clip_range: float | Schedule = 0.2,
         clip_range_vf: float | Schedule | None = None,
         normalize_advantage: bool = True,
-        ent_coef: float = 0.0,
+        ent_coef: float | Schedule = 0.0,
         vf_coef: float = 0.5,
         max_grad_norm: float = 0.5,
         target_kl: float | None = None,
@@ -112,7 +112,7 @@ class HemisphericPPO(PPO):
             clip_range=clip_range,
             clip_range_vf=clip_range_vf,
             normalize_advantage=normalize_advantage,
-            ent_coef=ent_coef,
+            ent_coef=ent_coef,  # type: ignore[arg-type]
             vf_coef=vf_coef,
             max_grad_norm=max_grad_norm,
             target_kl=target_kl,
@@ -277,8 +277,9 @@ class HemisphericPPO(PPO):
         policy_loss = -torch.min(advantages * ratio[:, None], advantages * clipped[:, None]).mean(dim=0)
         value_loss = (self._clipped_values(values, batch.old_values) - batch.returns).square().mean(dim=0)
         loss = policy_loss + self.vf_coef * value_loss
-        if self.ent_coef:
-            loss = loss - self.ent_coef * gaussian_entropy(policy.log_std)
+        ent_coef = self._present_ent_coef()
+        if ent_coef:
+            loss = loss - ent_coef * gaussian_entropy(policy.log_std)
         with torch.no_grad():
             approx_kl = (ratio - 1 - log_ratio).mean()
             log["approx_kl"].append(approx_kl)
@@ -286,6 +287,9 @@ class HemisphericPPO(PPO):
             log["policy_loss"].append(policy_loss.detach())
             log["value_loss"].append(value_loss.detach())
         return list(loss.unbind()), float(approx_kl)
+
+    def _present_ent_coef(self) -> float:
+        return FloatSchedule(self.ent_coef)(self._current_progress_remaining)
 
     def _clipped_values(self, values: Tensor, old_values: Tensor) -> Tensor:
         if self.clip_range_vf is None:
@@ -318,6 +322,7 @@ class HemisphericPPO(PPO):
             record(name, value.item())
         record("train/std", self.policy.log_std.exp().mean().item())
         record("train/clip_range", clip_range)
+        record("train/ent_coef", self._present_ent_coef())
         record("train/n_updates", self._n_updates, exclude="tensorboard")
         for side, weight in getattr(self.policy.actor, "combination_weights", dict)().items():
             record(f"combination/{side}", weight)
