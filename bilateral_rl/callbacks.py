@@ -52,7 +52,7 @@ class EvaluationCallback(BaseCallback):
         rows = list(self._rows())
         self._done = len(rows)
         self._due = int(rows[-1]["timesteps"]) + self._config.evaluation.every if rows else 0
-        self._best = max((float(row["return_mean"]) for row in rows), default=-float("inf"))
+        self._best = max((float(row["return_scalar"]) for row in rows), default=-float("inf"))
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self._due:
@@ -72,18 +72,20 @@ class EvaluationCallback(BaseCallback):
         assert isinstance(policy, BilateralActorCriticPolicy)
         record = self._evaluator.run(policy)
         measures = record.summary(self._config.trial.threshold)
-        measures["return_mean"] = (measures["return_dominant"] + measures["return_non_dominant"]) / 2
+        measures["return_scalar"] = (measures["return_dominant"] + measures["return_non_dominant"]) / 2
         self._log(measures, record)
         self._append(measures)
-        if measures["return_mean"] > self._best:
-            self._best = measures["return_mean"]
+        if measures["return_scalar"] > self._best:
+            self._best = measures["return_scalar"]
             self._folder.save_weights(BEST, dict(policy.state_dict()))
         self._on_evaluation(self.num_timesteps, measures)
         self._done += 1
 
     def _log(self, measures: dict[str, float], record: TrialRecord) -> None:
         for name, value in measures.items():
-            self.logger.record(f"evaluation/{name}", value)
+            is_return = name.startswith("return_")  # a heading of their own puts the two streams side by side
+            tag = f"evaluation_return/{name.removeprefix('return_')}" if is_return else f"evaluation/{name}"
+            self.logger.record(tag, value)
         if self._done % self.FIGURE_EVERY == 0:
             trial = self._config.trial
             figure = hand_paths(record, trial.threshold, sum(trial.arm.link_length))

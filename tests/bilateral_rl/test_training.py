@@ -66,7 +66,7 @@ def test_evaluations_come_by_environment_steps_whatever_n_envs_is(tmp_path, smal
 
 
 def test_the_best_weights_are_those_of_the_best_evaluation(run):
-    best = max(rows(run.path / "evaluations.csv"), key=lambda row: float(row["return_mean"]))
+    best = max(rows(run.path / "evaluations.csv"), key=lambda row: float(row["return_scalar"]))
     final = torch.cat([t.ravel() for t in run.load_weights("final").values()])
     at_best = torch.cat([t.ravel() for t in run.load_weights("best").values()])
     assert torch.equal(final, at_best) == (best["timesteps"] == "4000")
@@ -76,7 +76,7 @@ def test_tensorboard_shows_the_two_streams_side_by_side(run):
     events = EventAccumulator(str(run.path), size_guidance={"images": 0})
     events.Reload()
     scalars, images = set(events.Tags()["scalars"]), set(events.Tags()["images"])
-    for quantity in ("return", "value_loss", "policy_loss", "explained_variance", "combination"):
+    for quantity in ("return", "evaluation_return", "value_loss", "policy_loss", "explained_variance", "combination"):
         assert {f"{quantity}/dominant", f"{quantity}/non_dominant"} <= scalars
     for group in ("dominant", "non_dominant", "shared", "critic_0", "critic_1"):
         assert {f"gradient_norm/{group}", f"gradient_norm_clipped/{group}"} <= scalars
