@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,6 +100,7 @@ def resume(folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHE
 def build_algorithm(config: TrainConfig) -> HemisphericPPO:
     """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
     check_device(config.device)
+    warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
     torch.set_num_threads(config.threads)
     trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
     env = ArmVecEnv(config.n_envs, config.task, device=config.device, seed=config.seed, **trial)
@@ -110,7 +113,7 @@ def build_algorithm(config: TrainConfig) -> HemisphericPPO:
         reward_scale=ppo.reward_scale,
         learning_rate=linear_schedule(ppo.learning_rate, ppo.final_learning_rate),
         n_steps=ppo.n_steps,
-        batch_size=ppo.batch_size,
+        batch_size=_even_batch(ppo.batch_size, ppo.n_steps * config.n_envs),
         n_epochs=ppo.n_epochs,
         gamma=ppo.gamma,
         gae_lambda=ppo.gae_lambda,
@@ -123,6 +126,11 @@ def build_algorithm(config: TrainConfig) -> HemisphericPPO:
         seed=config.seed,
         device=config.device,
     )
+
+
+def _even_batch(largest: int, samples: int) -> int:
+    """The minibatch size that splits ``samples`` into the fewest, most equal parts of at most ``largest``."""
+    return math.ceil(samples / math.ceil(samples / largest))
 
 
 def check_device(device: str) -> None:
