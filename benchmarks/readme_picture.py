@@ -35,7 +35,7 @@ def main(run: Path, out: Path, seed: int = 11, steps: int = 14) -> None:
     paths = Image.fromarray(as_array(hand_paths(record, config.trial.threshold, sum(config.trial.arm.link_length))))
     paths = paths.resize((round(paths.width * HEIGHT / paths.height), HEIGHT), Image.Resampling.LANCZOS)
     both = [np.asarray(arm_in_motion(policy, config.task, seed, steps)), np.asarray(paths)]
-    Image.fromarray(np.concatenate(both, axis=1)).quantize(128).save(out, optimize=True)
+    Image.fromarray(np.concatenate(both, axis=1)).quantize(256).save(out, optimize=True)
 
 
 if __name__ == "__main__":
