@@ -188,7 +188,7 @@ def _measures_table(record: TrialRecord, config: TrainConfig, title: str) -> Tab
         table.add_row(
             f"{own}{100 * radius:g} cm",
             f"{own}{row['goal_completion_percent']:.1f} %",
-            f"{own}{speed:.2f} cm/step" if math.isfinite(speed) else "–",
+            f"{own}{speed:.2f} cm/step" if speed > 0 else "–",  # nan: never reached; 0: a hold starts there
             f"{own}{row['time_in_goal_steps']:.1f} of {config.trial.trial_length} steps",
         )
     any_row = rows[config.trial.threshold]
