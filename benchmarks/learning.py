@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
+import os
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -19,9 +18,11 @@ def run_once(task: str, seed: int, extra: list[str]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         command = ["bilateral-rl", "train", "--task", task, "--seed", str(seed), "--out", folder, *extra]
         began = time.monotonic()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        minutes = (time.monotonic() - began) / 60
-        memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+        training = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        _, status, usage = os.wait4(training.pid, 0)
+        if status:
+            raise SystemExit(f"{' '.join(command)} failed")
+        minutes, memory = (time.monotonic() - began) / 60, usage.ru_maxrss / 1e6
         (run,) = Path(folder).glob("*/*/")
         table = Path(folder) / "table.json"
         subprocess.run(["bilateral-rl", "evaluate", str(run), "--json", table], check=True, stdout=subprocess.DEVNULL)
@@ -40,4 +41,3 @@ if __name__ == "__main__":
     for task in arguments.tasks:
         for seed in arguments.seeds:
             print(run_once(task, seed, rest), flush=True)
-    sys.exit(0)

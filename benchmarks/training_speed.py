@@ -25,7 +25,7 @@ def ours(timesteps: int) -> float:
 
 
 def stock_on_motornet(timesteps: int) -> float:
-    """Steps/s of stock PPO with a 10-10 actor, eight MotorNet arms, SB3's default settings."""
+    """Steps/s of stock PPO with a 10-10 actor, eight MotorNet arms, SB3's default minibatches and epochs."""
     torch.set_num_threads(2)
     env = make_vec_env(MotorNetReach, n_envs=8)
     n_steps = timesteps // 8

@@ -16,6 +16,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Figure as LoggedFigure
 
 from bilateral_rl.config import TrainConfig
+from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord
 from bilateral_rl.figures import hand_paths
 from bilateral_rl.policies import BilateralActorCriticPolicy
@@ -51,8 +52,11 @@ class EvaluationCallback(BaseCallback):
     def _on_training_start(self) -> None:
         rows = list(self._rows())
         self._done = len(rows)
-        self._due = int(rows[-1]["timesteps"]) + self._config.evaluation.every if rows else 0
-        self._best = max((float(row["return_scalar"]) for row in rows), default=-float("inf"))
+        try:
+            self._due = int(rows[-1]["timesteps"]) + self._config.evaluation.every if rows else 0
+            self._best = max((float(row["return_scalar"]) for row in rows), default=-float("inf"))
+        except (KeyError, TypeError, ValueError):
+            raise UserError(f"{self._path} is damaged; move it away to go on without it.") from None
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self._due:
@@ -92,7 +96,7 @@ class EvaluationCallback(BaseCallback):
             self.logger.record("figures/hand_paths", LoggedFigure(figure, close=True), exclude=("stdout", "csv"))
 
     def _append(self, measures: dict[str, float]) -> None:
-        is_new = not self._path.exists()
+        is_new = not self._path.exists() or not self._path.stat().st_size
         with self._path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             if is_new:

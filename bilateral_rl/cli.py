@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from bilateral_rl.errors import UserError
 
@@ -28,24 +29,29 @@ Out = Annotated[Path, typer.Option(help="Folder of all runs.")]
 
 @app.command()
 def train(
-    algo: Annotated[str | None, typer.Option(help="Training algorithm: ppo.")] = None,
+    algo: Annotated[str | None, typer.Option(help="Training algorithm: ppo.", show_default="ppo")] = None,
     model: Annotated[
         str | None, typer.Option(help="uni_b, uni_dl, uni_ndl, bi_ns, bi_s, cc_ns or cc_s.", show_default="cc_s")
     ] = None,
     task: Annotated[
         str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
     ] = None,
-    timesteps: Annotated[int | None, typer.Option(help="Environment steps, over all arms.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.")] = None,
-    n_envs: Annotated[int | None, typer.Option(help="Arms simulated at once.")] = None,
-    units: Annotated[int | None, typer.Option(help="Units per hidden layer, over both sides.")] = None,
-    layers: Annotated[int | None, typer.Option(help="Hidden layers.")] = None,
-    threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).")] = None,
-    device: Annotated[str | None, typer.Option(help="cpu or cuda.")] = None,
-    out: Out = RUNS,
+    timesteps: Annotated[
+        int | None, typer.Option(help="Environment steps, over all arms.", show_default="12000000")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.", show_default="0")] = None,
+    n_envs: Annotated[int | None, typer.Option(help="Arms simulated at once.", show_default="1024")] = None,
+    units: Annotated[
+        int | None, typer.Option(help="Units per hidden layer, over both sides.", show_default="10")
+    ] = None,
+    layers: Annotated[int | None, typer.Option(help="Hidden layers.", show_default="2")] = None,
+    threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).", show_default="0.05")] = None,
+    device: Annotated[str | None, typer.Option(help="cpu or cuda.", show_default="cpu")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of all runs.", show_default="runs")] = None,
     config: Annotated[Path | None, typer.Option(help="Settings from a YAML or JSON file.")] = None,
     overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting, such as ppo.gamma=0.9.")
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
     ] = None,
     resume: Annotated[
         Path | None, typer.Option(help="Go on with this run; only --timesteps and --device go with it.")
@@ -59,10 +65,18 @@ def train(
         "network.units": units, "network.layers": layers, "trial.threshold": threshold,
     }  # fmt: skip
     if resume is not None:
-        given = {**flags, "algo": algo, "model": model, "task": task, "config": config, "set": overrides or None}
+        given = {
+            **flags,
+            "algo": algo,
+            "model": model,
+            "task": task,
+            "config": config,
+            "set": overrides or None,
+            "out": out,
+        }
         commands.resume(resume, given, console)
         return
-    commands.train(algo, model, task, flags, config, overrides or [], out, console)
+    commands.train(algo, model, task, flags, config, overrides or [], out or RUNS, console)
 
 
 @app.command()
@@ -72,8 +86,8 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
     deterministic: Annotated[bool, typer.Option(help="Act by the mean, not by sampling.")] = True,
     weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
-    csv: Annotated[Path | None, typer.Option(help="Write one row a trial here.")] = None,
-    json: Annotated[Path | None, typer.Option(help="Write the table here.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write one row a trial here; - is the terminal.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the table here; - is the terminal.")] = None,
 ) -> None:
     """Test a trained model and print its measures at goal radii of 2, 3 and 5 cm and its own."""
     from bilateral_rl import commands
@@ -94,7 +108,7 @@ def main() -> None:
     try:
         app()
     except UserError as error:
-        errors.print(f"[red]Error:[/red] {error}", highlight=False, soft_wrap=True)
+        errors.print(f"[red]Error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(2)
     except KeyboardInterrupt:
         errors.print("Interrupted.")

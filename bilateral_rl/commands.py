@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bilateral_rl import settings, training
@@ -105,8 +106,8 @@ def list_all(out: Path, console: Console) -> None:
             status = run.status()
         except UserError:
             status = {"state": "damaged"}
-        steps = status.get("timesteps")
-        table.add_row(escape(str(run.path)), str(status.get("state", "?")), f"{steps:,}" if steps else "")
+        steps = status.get("timesteps", 0)
+        table.add_row(escape(str(run.path)), escape(status.get("state", "?")), f"{steps:,}" if steps else "")
     console.print(table)
 
 
@@ -115,17 +116,17 @@ class TrainingProgress(training.Progress):
 
     def __init__(self, total: int, console: Console) -> None:
         self._console = console
+        self._draws = console.is_terminal and not console.is_dumb_terminal
         self._bar = Progress(
             TextColumn("[bold]training"),
             BarColumn(),
             TaskProgressColumn(),
-            TextColumn("{task.fields[speed]}"),
-            TextColumn("{task.fields[goal]}"),
-            TimeElapsedColumn(),
+            TimeRemainingColumn(),
             TextColumn("left"),
-            TimeRemainingColumn(elapsed_when_finished=False),
+            TextColumn("{task.fields[goal]}"),
+            TextColumn("{task.fields[speed]}"),
             console=console,
-            disable=not console.is_terminal,
+            disable=not self._draws,
         )
         self._task = self._bar.add_task("train", total=total, start=False, speed="", goal="")
 
@@ -147,8 +148,8 @@ class TrainingProgress(training.Progress):
     def on_evaluation(self, timesteps: int, measures: dict[str, float]) -> None:
         goal = f"goal {measures['goal_completion_percent']:.0f} %"
         inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
-        self._bar.update(self._task, goal=f"{goal}, {inside}")
-        if not self._console.is_terminal:
+        self._bar.update(self._task, goal=goal)
+        if not self._draws:
             error = f"final error {measures['final_error_cm']:.1f} cm"
             self._console.print(f"{timesteps:>12,} steps: {goal}, {inside}, {error}", highlight=False)
 
@@ -160,7 +161,8 @@ def _report_training(config: TrainConfig, console: Console, run: Any) -> None:
     )
     with TrainingProgress(config.timesteps, console) as progress:
         outcome: training.Outcome = run(progress)
-    path = outcome.folder.path
+    path = escape(shlex.quote(str(outcome.folder.path)))
+    out = escape(shlex.quote(str(outcome.folder.path.parent.parent)))
     minutes = f"{outcome.seconds / 60:.1f} minutes"
     if outcome.interrupted:
         console.print(f"Stopped after {outcome.timesteps:,} steps and {minutes}; saved in [bold]{path}[/bold].")
@@ -172,9 +174,10 @@ def _report_training(config: TrainConfig, console: Console, run: Any) -> None:
     console.print(_measures_table(record, config, title))
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
     console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
-    console.print(f"  tensorboard --logdir {path.parent.parent}", soft_wrap=True, highlight=False)
+    console.print(f"  tensorboard --logdir {out}", soft_wrap=True, highlight=False)
     other = "hold_position" if config.task == "random_reach" else "random_reach"
-    console.print(f"  bilateral-rl train --model {config.model} --task {other}", soft_wrap=True, highlight=False)
+    command = f"bilateral-rl train --model {config.model} --task {other} --out {out}"
+    console.print(f"  {command}", soft_wrap=True, highlight=False)
 
 
 def _measures_table(record: TrialRecord, config: TrainConfig, title: str) -> Table:
@@ -211,7 +214,14 @@ def _nested(flags: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _write(path: Path, text: str) -> None:
+    if str(path) == "-":
+        sys.stdout.write(text)
+        return
     try:
+        path = path.resolve()
+        if path.exists() and not path.is_file():
+            path.write_text(text, encoding="utf-8")  # a device or a pipe: nothing to replace
+            return
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
     except OSError as error:

@@ -17,6 +17,9 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.policies.networks import make_network
 from bilateral_rl.settings import Values, build, merge, plain
 
+MAX_ARMS, MAX_SIZE = 1_000_000, 10_000
+"""Bounds far beyond use, so that a slip of the finger is a sentence and not a full memory."""
+
 
 @dataclass(frozen=True)
 class NetworkConfig:
@@ -143,8 +146,18 @@ def check(config: TrainConfig) -> None:
         _check_at_least(name, getattr(config, name), 1)
     for name in ("every", "trials", "checkpoint_every"):
         _check_at_least(f"evaluation.{name}", getattr(config.evaluation, name), 1)
-    if config.seed < 0 or config.evaluation.seed < 0:
-        raise UserError("A seed must be at least 0.")
+    for name, value, most in (
+        ("seed", config.seed, 2**32 - 1),
+        ("evaluation.seed", config.evaluation.seed, 2**32 - 1),
+        ("n_envs", config.n_envs, MAX_ARMS),
+        ("evaluation.trials", config.evaluation.trials, MAX_ARMS),
+        ("trial.trial_length", config.trial.trial_length, MAX_SIZE),
+        ("network.units", config.network.units, MAX_SIZE),
+        ("network.layers", config.network.layers, MAX_SIZE),
+        ("network.critic_arch", max(config.network.critic_arch, default=0), MAX_SIZE),
+    ):
+        if not 0 <= value <= most:
+            raise UserError(f"{name} must lie between 0 and {most:,}, got {value:,}.")
     if config.device != "cpu" and not config.device.startswith("cuda"):
         raise UserError(f"Unknown device {config.device!r}; choose cpu or cuda.")
     _check_ppo(config.ppo, config.n_envs)

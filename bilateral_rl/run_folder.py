@@ -59,11 +59,6 @@ class RunFolder:
             raise UserError(f"{path} is not a run: it has no config.yaml. `bilateral-rl list` shows those there are.")
         return cls(path)
 
-    @property
-    def name(self) -> str:
-        """Its path as a command takes it."""
-        return str(self.path)
-
     def write_config(self, config: TrainConfig) -> None:
         """Write ``config.yaml``."""
         self.write_text("config.yaml", yaml.safe_dump(config.to_values(), sort_keys=False))
@@ -74,10 +69,11 @@ class RunFolder:
         return resolve(None, None, [values])
 
     def status(self) -> dict[str, Any]:
-        """``status.json``, or an empty dictionary."""
+        """``status.json``: state, timesteps, updates, weights; or an empty dictionary. Raises UserError if damaged."""
         status = self.read_json("status.json", default={})
-        if not isinstance(status, dict):
-            raise UserError(f"{self.path / 'status.json'} is damaged: it does not hold entries by name.")
+        types = {"state": str, "timesteps": int, "updates": int, "weights": str}
+        if not isinstance(status, dict) or any(not isinstance(status.get(k, t()), t) for k, t in types.items()):
+            raise UserError(f"{self.path / 'status.json'} is damaged: it does not say how far the training came.")
         return status
 
     def save_weights(self, name: str, tensors: Tensors) -> None:

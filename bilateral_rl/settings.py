@@ -31,9 +31,9 @@ def load_file(path: Path) -> Values:
     """Settings from a YAML or JSON file, read without executing anything in it. Raises UserError."""
     try:
         values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"Cannot read the configuration {path}: {error}.") from None
-    except yaml.YAMLError as error:
+    except OSError as error:
+        raise UserError(f"Cannot read the configuration {path}: {error.strerror}.") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise UserError(f"The configuration {path} is neither YAML nor JSON: {_one_line(error)}.") from None
     if not isinstance(values, dict):
         raise UserError(f"The configuration {path} must hold settings by name, as `bilateral-rl train` writes them.")
@@ -49,7 +49,7 @@ def parse_overrides(items: Sequence[str]) -> Values:
             raise UserError(f"--set takes key=value, such as ppo.learning_rate=0.003, not {item!r}.")
         try:
             value = yaml.safe_load(text)
-        except yaml.YAMLError:
+        except (yaml.YAMLError, ValueError, RecursionError):
             raise UserError(f"The value in --set {item!r} is neither a number, a word nor a list.") from None
         for part in reversed(key.split(".")):
             value = {part: value}

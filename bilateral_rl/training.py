@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
@@ -33,7 +34,7 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.run_folder import FINAL, RunFolder
 
-RUNNING, FINISHED, INTERRUPTED = "running", "finished", "interrupted"
+RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
 
 
 class Progress:
@@ -83,17 +84,20 @@ def resume(folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHE
     """
     status = folder.status()
     done = status.get("timesteps", 0)
-    if not isinstance(done, int) or not isinstance(status.get("updates", 0), int):
-        raise UserError(f"{folder.path / 'status.json'} is damaged: it does not say how far the training came.")
+    if "weights" not in status:
+        again = f"bilateral-rl train --config {folder.path / 'config.yaml'}"
+        raise UserError(f"{folder.path} stopped before it was first saved; start anew with `{again}`.")
     if done >= config.timesteps:
         raise UserError(f"{folder.path} has done its {done:,} steps; give a larger --timesteps to train it further.")
     algorithm = build_algorithm(config)
-    folder.write_config(config)
-    load_policy_weights(algorithm.policy, folder.load_weights(str(status.get("weights", FINAL))), folder)
+    load_policy_weights(algorithm.policy, folder.load_weights(status["weights"]), folder)
     _restore(algorithm, folder)
+    folder.write_config(config)
     algorithm.num_timesteps = done
     algorithm._n_updates = status.get("updates", 0)
-    algorithm.env.seed(config.seed + done)  # type: ignore[union-attr]  # not the trials of the first steps again
+    # Neither the trials of the first steps again, nor those of an evaluation.
+    seeds = np.random.SeedSequence([config.seed, done]).generate_state(config.n_envs).tolist()
+    algorithm.env.seed_arms(seeds)  # type: ignore[union-attr]
     return _run(algorithm, config, folder, config.timesteps - done, progress)
 
 
@@ -216,9 +220,22 @@ def _run(
             algorithm.learn(timesteps, callback=callbacks, reset_num_timesteps=algorithm.num_timesteps == 0)
         except KeyboardInterrupt:
             interrupted = True
-        interrupted |= stop.requested
+        except ValueError as error:
+            _raise_if_diverged(algorithm, folder, error)
+            raise
+        interrupted |= stop.requested and algorithm.num_timesteps < config.timesteps
         _save(algorithm, folder, FINAL, INTERRUPTED if interrupted else FINISHED)
     return Outcome(folder, algorithm.num_timesteps, interrupted, time.monotonic() - began, algorithm.policy)
+
+
+def _raise_if_diverged(algorithm: HemisphericPPO, folder: RunFolder, error: ValueError) -> None:
+    if all(bool(parameter.isfinite().all()) for parameter in algorithm.policy.parameters()):
+        return
+    folder.write_json("status.json", _status(algorithm, FAILED, folder.status().get("weights")))
+    raise UserError(
+        f"The policy diverged after {algorithm.num_timesteps:,} steps; try a smaller ppo.learning_rate. "
+        f"What was saved before is in {folder.path}."
+    ) from error
 
 
 def _save(algorithm: HemisphericPPO, folder: RunFolder, name: str, state: str) -> None:

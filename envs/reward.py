@@ -8,10 +8,6 @@ import warp as wp
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import arm_physics
 
-DOMINANT, NON_DOMINANT = 0, 1
-STREAMS = ("dominant", "non_dominant")
-"""Order of the two reward streams, and of the last axis of every vector reward."""
-
 
 @dataclass(frozen=True)
 class LossWeights:
@@ -27,7 +23,6 @@ class LossWeights:
 
 DOMINANT_WEIGHTS = LossWeights(cartesian_1=0.0, cartesian_2=5.0, activation=2.0)
 NON_DOMINANT_WEIGHTS = LossWeights(cartesian_1=5.0, cartesian_2=0.0, activation=0.0)
-COMBINED_WEIGHTS = LossWeights(cartesian_1=2.5, cartesian_2=2.5, activation=1.0)
 
 _real = wp.float32
 _physics = arm_physics(_real)

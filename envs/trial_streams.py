@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.tasks import Trials
 from bilateral_rl.envs.trials import TrialBatch
 
 DRAWN_AHEAD = 64
@@ -51,11 +50,3 @@ class TrialStreams:
         self._next[arms] += 1
         trials = self._batch.task.trials(uniform, self._batch.settings)
         self._batch.start(arms, trials, np.stack(noise) if noise else None)
-
-    def start_given(self, arms: NDArray[np.int32], trials: Trials) -> None:
-        """Begin the given trials; where there is noise, each arm's stream supplies it."""
-        noise = None
-        if self._batch.settings.noisy:
-            drawn = [self._batch.draw(self._generators[arm]).noise for arm in arms]
-            noise = np.stack([rows[0] for rows in drawn if rows is not None])
-        self._batch.start(arms, trials, noise)

@@ -61,3 +61,10 @@ def test_the_readmes_scripts_run(number, tmp_path):
     assert len(scripts) == 2
     script = re.sub(r"learn\(([\d_]+)", "learn(2_000", scripts[number])
     subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path, capture_output=True, text=True)
+
+
+def test_every_file_that_the_readme_links_to_exists():
+    links = re.findall(r"\]\(([^)#]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    missing = [link for link in links if not link.startswith("https://") and not (ROOT / link).exists()]
+    assert links
+    assert not missing

@@ -30,7 +30,7 @@ def arm_physics(real: Any) -> SimpleNamespace:
 
     Returns:
         A namespace with the vector types ``vec2``, ``vec4`` (angles and velocities), ``vec6`` (muscles), the struct
-        ``Parameters`` and the Warp functions ``hand``, ``geometry``, ``muscle_column``, ``rest_activation``,
+        ``Parameters`` and the Warp functions ``hand``, ``geometry``, ``muscle_column``,
         ``next_activation``, ``next_joint``.
     """
     vec2 = wp.types.vector(2, real)

@@ -67,6 +67,12 @@ def test_a_configuration_file_repeats_a_run_and_flags_win_over_it(tmp_path):
     ("arguments", "says"),
     [
         (["train", "--model", "cc"], "uni_b, uni_dl"),
+        (["train", "--model", "[/x]"], "'[/x]'"),
+        (["train", "--seed", "4294967296"], "4,294,967,295"),
+        (["train", "--n-envs", "1000000000000"], "n_envs"),
+        (["train", "--units", "1000000000"], "units"),
+        (["train", "--set", "timesteps=2020-99-99"], "neither"),
+        (["train", "--resume", "runs/none", "--out", "x"], "--out"),
         (["train", "--algo", "dqn"], "ppo"),
         (["train", "--units", "7"], "odd"),
         (["train", "--n-envs", "0"], "n_envs"),

@@ -12,6 +12,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from bilateral_rl.catalogue import MODELS
 from bilateral_rl.config import resolve
 from bilateral_rl.errors import UserError
+from bilateral_rl.run_folder import find_runs
 from bilateral_rl.settings import merge
 from bilateral_rl.training import Progress, build_algorithm, load_policy, resume, train
 
@@ -191,3 +192,38 @@ def test_a_rollout_is_split_into_few_and_equal_minibatches_without_a_warning(sma
     algorithm = build_algorithm(with_values(small, n_envs=n_envs, ppo={"batch_size": 5120}))
     assert [len(b.returns) for b in algorithm.rollout.minibatches(algorithm.batch_size, algorithm.device)] == parts
     assert not [w for w in recwarn if "mini-batch" in str(w.message)]
+
+
+def test_a_diverged_training_is_one_sentence_and_keeps_what_was_saved(tmp_path, small):
+    with pytest.raises(UserError, match=r"diverged.*learning_rate"):
+        train(with_values(small, ppo={"learning_rate": 1e30, "max_grad_norm": 1e30}), tmp_path)
+    (folder,) = find_runs(tmp_path)
+    assert folder.status()["state"] == "failed"
+    assert "final" not in folder.weight_names()
+
+
+def test_a_run_that_was_never_saved_says_how_to_start_anew(run):
+    run.write_json("status.json", {"state": "running", "timesteps": 0, "updates": 0})
+    with pytest.raises(UserError, match="--config"):
+        resume(run, with_values(run.config(), timesteps=8_000))
+
+
+@pytest.mark.parametrize("status", [[], {"timesteps": "abc"}, {"timesteps": 4000, "weights": 3}])
+def test_a_damaged_status_is_refused(run, status):
+    run.write_json("status.json", status)
+    with pytest.raises(UserError, match="damaged"):
+        resume(run, with_values(run.config(), timesteps=8_000))
+
+
+def test_a_refused_resume_leaves_the_run_as_it_was(run):
+    before = (run.path / "config.yaml").read_bytes()
+    (run.path / "weights" / "final.safetensors").write_bytes(b"")
+    with pytest.raises(UserError, match="damaged"):
+        resume(run, with_values(run.config(), timesteps=8_000))
+    assert (run.path / "config.yaml").read_bytes() == before
+
+
+def test_damaged_evaluations_are_a_clear_error(run):
+    (run.path / "evaluations.csv").write_text("nonsense\n1\n")
+    with pytest.raises(UserError, match=r"evaluations\.csv is damaged"):
+        resume(run, with_values(run.config(), timesteps=8_000))
