@@ -11,17 +11,18 @@ from PIL import Image
 from bilateral_rl.envs import ArmEnv
 from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.figures import as_array, hand_paths
+from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.training import load_policy
 
 HEIGHT = 480
 
 
-def arm_in_motion(policy: object, task: str, seed: int, steps: int) -> Image.Image:
+def arm_in_motion(policy: BilateralActorCriticPolicy, task: str, seed: int, steps: int) -> Image.Image:
     env = ArmEnv(task, render_mode="rgb_array")
     observation, _ = env.reset(seed=seed)
     for _ in range(steps):
-        action, _ = policy.predict(observation, deterministic=True)  # type: ignore[attr-defined]
+        action, _ = policy.predict(observation, deterministic=True)
         observation, *_ = env.step(action)
     picture = env.render()
     assert picture is not None
