@@ -1,6 +1,8 @@
 """The terms of one step's loss, once, for the environments' reward and for the supervised losses (paper section 4)."""
 
+import functools
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -20,34 +22,43 @@ class LossWeights:
     activation: float
     """Of the mean squared muscle excitation."""
 
+    def as_tuple(self) -> tuple[float, float, float]:
+        """In the order of the terms of a step."""
+        return self.cartesian_1, self.cartesian_2, self.activation
+
 
 DOMINANT_WEIGHTS = LossWeights(cartesian_1=0.0, cartesian_2=5.0, activation=2.0)
 NON_DOMINANT_WEIGHTS = LossWeights(cartesian_1=5.0, cartesian_2=0.0, activation=0.0)
 
-_real = wp.float32
-_physics = arm_physics(_real)
-vec2, vec6 = _physics.vec2, _physics.vec6
-terms = wp.types.vector(3, _real)
-weight_rows = wp.types.matrix((2, 3), _real)
+
+@functools.cache
+def loss_terms(real: Any) -> SimpleNamespace:
+    """The terms in precision ``real``: the vector type ``terms`` and the Warp function ``step_terms``."""
+    physics = arm_physics(real)
+    vec2, vec6 = physics.vec2, physics.vec6
+    terms = wp.types.vector(3, real)
+
+    @wp.func
+    def step_terms(error: vec2, excitation: vec6) -> terms:
+        """Cartesian 1, Cartesian 2 and muscle activation of one step.
+
+        ``error`` is hand minus target (m) after the step, ``excitation`` the command of the step.
+        """
+        effort = real(0.0)
+        for m in range(N_MUSCLES):
+            effort += excitation[m] * excitation[m]
+        return terms(
+            (wp.abs(error[0]) + wp.abs(error[1])) / real(2.0),
+            real(5.0) * (error[0] * error[0] + error[1] * error[1]),
+            effort / real(float(N_MUSCLES)),
+        )
+
+    return SimpleNamespace(terms=terms, step_terms=step_terms)
 
 
-@wp.func
-def step_terms(error: vec2, excitation: vec6) -> terms:
-    """Cartesian 1, Cartesian 2 and muscle activation of one step.
-
-    ``error`` is hand minus target (m) after the step, ``excitation`` the command of the step.
-    """
-    effort = _real(0.0)
-    for m in range(N_MUSCLES):
-        effort += excitation[m] * excitation[m]
-    return terms(
-        (wp.abs(error[0]) + wp.abs(error[1])) / _real(2.0),
-        _real(5.0) * (error[0] * error[0] + error[1] * error[1]),
-        effort / _real(float(N_MUSCLES)),
-    )
+weight_rows = wp.types.matrix((2, 3), wp.float32)
 
 
 def stream_weights() -> Any:
     """(2, 3) matrix for kernels: the weights of the terms in the dominant and in the non-dominant loss."""
-    rows = [(w.cartesian_1, w.cartesian_2, w.activation) for w in (DOMINANT_WEIGHTS, NON_DOMINANT_WEIGHTS)]
-    return weight_rows(*rows[0], *rows[1])
+    return weight_rows(*DOMINANT_WEIGHTS.as_tuple(), *NON_DOMINANT_WEIGHTS.as_tuple())

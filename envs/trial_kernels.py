@@ -4,15 +4,16 @@ from typing import Any
 
 import warp as wp
 
-from bilateral_rl.envs.arm.kernels import muscle_functions
+from bilateral_rl.envs.arm.muscles import muscle_functions
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
-from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY, arm_physics
-from bilateral_rl.envs.reward import step_terms, weight_rows
+from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, arm_physics
+from bilateral_rl.envs.reward import loss_terms, weight_rows
 
 _real = wp.float32
 _physics, _muscles = arm_physics(_real), muscle_functions(_real)
 Parameters, vec2, vec4, vec6, rows = _physics.Parameters, _physics.vec2, _physics.vec4, _physics.vec6, _muscles.rows
 _hand, _next_joint = _physics.hand, _physics.next_joint
+_proprioception, _step_terms = _muscles.proprioception, loss_terms(_real).step_terms
 _muscle_torque, _muscles_at, _activate = _muscles.muscle_torque, _muscles.muscles_at, _muscles.activate
 
 N_SENSED = 2 * N_MUSCLES + 2
@@ -56,12 +57,10 @@ def hand_position(p: Parameters, joint: vec4) -> vec2:
 @wp.func
 def sense(p: Parameters, s: TrialArrays, arm: int, slot: int):
     """Write what arm ``arm`` senses now into ``slot`` of its ring."""
-    muscle = s.muscle[arm]
+    felt = _proprioception(p, s.muscle[arm])
     row = s.clock[arm] % s.noise.shape[1]
-    for m in range(N_MUSCLES):
-        s.sensed[arm, slot, m] = muscle[LENGTH, m] / p.optimal_muscle_length[m] + s.noise[arm, row, m]
-        max_velocity = p.normalized_max_velocity * p.optimal_muscle_length[m]
-        s.sensed[arm, slot, N_MUSCLES + m] = muscle[VELOCITY, m] / max_velocity + s.noise[arm, row, N_MUSCLES + m]
+    for k in range(2 * N_MUSCLES):
+        s.sensed[arm, slot, k] = felt[k] + s.noise[arm, row, k]
     for axis in range(2):
         s.sensed[arm, slot, 2 * N_MUSCLES + axis] = s.hand[arm][axis] + s.noise[arm, row, 2 * N_MUSCLES + axis]
 
@@ -127,7 +126,7 @@ def step_trials(p: Parameters, weights: weight_rows, action: wp.array(dtype=vec6
     s.clock[arm] = clock + 1
 
     error = hand - s.target[arm]
-    reward = -(weights * step_terms(error, excitation))
+    reward = -(weights * _step_terms(error, excitation))
     s.excitation[arm] = excitation
     s.vector_reward[arm] = reward
     s.reward[arm] = 0.5 * (reward[0] + reward[1])

@@ -110,7 +110,7 @@ class Arm:
 
 
 class _Step(torch.autograd.Function):
-    """The step kernel and its Warp-generated adjoint as one torch operation."""
+    """The step kernel and its adjoint as one torch operation."""
 
     @staticmethod
     def forward(ctx: Any, arm: Arm, *inputs: Tensor) -> tuple[Tensor, ...]:
@@ -122,37 +122,25 @@ class _Step(torch.autograd.Function):
             inputs[0].new_empty(n, 4),
         )
         ctx.arm = arm
-        ctx.save_for_backward(*inputs, *outputs)
-        _launch_step(arm, inputs + outputs, gradients=None)
+        ctx.save_for_backward(*inputs, outputs[1])
+        _launch(arm, arm._kernels.step, "jmel" + "jmc", (*inputs, *outputs))
         return outputs
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         tensors: tuple[Tensor, ...] = ctx.saved_tensors
-        grad_inputs = [torch.zeros_like(t) for t in tensors[:4]]
-        # Warp may clear the adjoints of what it wrote, so it gets a copy of torch's.
-        _launch_step(ctx.arm, tensors, gradients=[*grad_inputs, *(g.contiguous().clone() for g in grad_outputs)])
+        grad_inputs = [torch.empty_like(t) for t in tensors[:4]]
+        grad_outputs = tuple(g.contiguous() for g in grad_outputs)
+        _launch(
+            ctx.arm, ctx.arm._kernels.step_adjoint, "jmelm" + "jmc" + "jmel", (*tensors, *grad_outputs, *grad_inputs)
+        )
         return (None, *grad_inputs)
 
 
-def _launch_step(arm: Arm, tensors: tuple[Tensor, ...], gradients: list[Tensor] | None) -> None:
-    kernels, names = arm._kernels, "jmeljmc"
-    arrays = [_as_warp(kernels, name, t) for name, t in zip(names, tensors, strict=True)]
-    adjoints: list[Any] = []
-    if gradients is not None:
-        adjoints = [kernels.physics.Parameters()]
-        adjoints += [_as_warp(kernels, name, g) for name, g in zip(names, gradients, strict=True)]
-    wp.launch(
-        kernels.step,
-        dim=len(tensors[0]),
-        inputs=[arm._p, *arrays[:4]],
-        outputs=arrays[4:],
-        adj_inputs=adjoints[:5],
-        adj_outputs=adjoints[5:],
-        adjoint=gradients is not None,
-        **_place(arm.device),
-    )
+def _launch(arm: Arm, kernel: Any, names: str, tensors: tuple[Tensor, ...]) -> None:
+    arrays = [_as_warp(arm._kernels, name, t) for name, t in zip(names, tensors, strict=True)]
+    wp.launch(kernel, dim=len(tensors[0]), inputs=[arm._p, *arrays], **_place(arm.device))
 
 
 def _place(device: torch.device) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The arm's equations, once, as differentiable Warp functions in a chosen precision.
+"""The arm's equations, once, as Warp functions in a chosen precision.
 
 Scalar code for one arm: the kernels that batch it are in ``kernels.py`` and ``envs/trial_kernels.py``. The order
 inside a step is the paper's (section 2): the geometry *at t* gives the torques and, with the excitation, the muscle
@@ -21,7 +21,7 @@ N_MUSCLE_ROWS = 7
 
 # A lengthening muscle's force is a quotient whose denominator can cross zero only at lengths that the joint limits
 # exclude; the guard keeps values and gradients finite for other parameters.
-_MIN_DENOMINATOR = 1e-6
+MIN_DENOMINATOR = 1e-6
 
 
 @functools.cache
@@ -29,9 +29,9 @@ def arm_physics(real: Any) -> SimpleNamespace:
     """The physics in precision ``real`` (``wp.float32`` or ``wp.float64``).
 
     Returns:
-        A namespace with the vector types ``vec2``, ``vec4`` (angles and velocities), ``vec6`` (muscles), the struct
-        ``Parameters`` and the Warp functions ``hand``, ``geometry``, ``muscle_column``,
-        ``next_activation``, ``next_joint``.
+        A namespace with the vector types ``vec2``, ``vec4`` (angles and velocities) and ``vec6`` (muscles), the struct
+        ``Parameters`` and the Warp functions ``hand``, ``geometry``, ``muscle_column``, ``next_activation`` and
+        ``next_joint``; their derivatives are in ``adjoint.py``.
     """
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -132,14 +132,27 @@ def arm_physics(real: Any) -> SimpleNamespace:
         asymptote = p.lengthening_force * isometric
         rise = (p.lengthening_force - real(1.0)) * isometric
         steepness = p.lengthening_slope_ratio * activation * (force_length + a) / b - slope
-        if wp.abs(steepness) < real(_MIN_DENOMINATOR):
-            steepness = real(_MIN_DENOMINATOR)
+        if wp.abs(steepness) < real(MIN_DENOMINATOR):
+            steepness = real(MIN_DENOMINATOR)
         pole = rise / steepness
         denominator = pole + velocity
-        if wp.abs(denominator) < real(_MIN_DENOMINATOR):
-            denominator = real(_MIN_DENOMINATOR)
+        if wp.abs(denominator) < real(MIN_DENOMINATOR):
+            denominator = real(MIN_DENOMINATOR)
         force = (asymptote + slope * velocity) * (pole + velocity) - pole * rise
         return wp.max(force / denominator, real(0.0))
+
+    @wp.func
+    def active_force_length(p: Parameters, length: real) -> real:
+        """Share of the active force left at ``length`` (optimal lengths): a parabola with a floor."""
+        off_optimal = (length - real(1.0)) / p.active_width
+        return wp.max(real(1.0) - off_optimal * off_optimal, p.min_active_force_length)
+
+    @wp.func
+    def passive_force_length(p: Parameters, length: real) -> real:
+        """Passive force over maximal isometric force at ``length`` (optimal lengths): a parabola past slack."""
+        stretch = wp.max(length - p.normalized_slack_muscle_length, real(0.0))
+        scale = real(1.0) + p.active_width - p.normalized_slack_muscle_length
+        return stretch * stretch / (scale * scale)
 
     @wp.func
     def muscle_column(p: Parameters, m: int, activation: real, path: vec4) -> column:
@@ -147,11 +160,8 @@ def arm_physics(real: Any) -> SimpleNamespace:
         optimal = p.optimal_muscle_length[m]
         length = wp.max(path[0] - p.tendon_length[m], real(0.0))
         normalized_length = length / optimal
-        stretch = wp.max(normalized_length - p.normalized_slack_muscle_length, real(0.0))
-        passive_scale = real(1.0) + p.active_width - p.normalized_slack_muscle_length
-        passive = stretch * stretch / (passive_scale * passive_scale)
-        off_optimal = (normalized_length - real(1.0)) / p.active_width
-        force_length = wp.max(real(1.0) - off_optimal * off_optimal, p.min_active_force_length)
+        passive = passive_force_length(p, normalized_length)
+        force_length = active_force_length(p, normalized_length)
         normalized_velocity = path[1] / (p.normalized_max_velocity * optimal)
         active = active_force_velocity(p, activation, force_length, normalized_length, normalized_velocity)
         force = (active + passive) * p.max_isometric_force[m]
