@@ -29,13 +29,8 @@ _MIX: dict[Loss, list[list[float]]] = {
     "specialized": [[1.0, 0.0], [0.0, 1.0]],
 }
 
-_PENALTY: dict[Loss, list[float]] = {
-    "combined": [1.0],
-    "dominant": [0.0],
-    "non_dominant": [2.0],
-    "specialized": [0.0, 2.0],
-}
-"""Weight of the weight penalty in each stream's loss (paper section 4)."""
+DOMINANT_PENALTY, NON_DOMINANT_PENALTY = 0.0, 2.0
+"""Weight of the weight penalty in each loss (paper section 4)."""
 
 
 def stream_mix(loss: Loss) -> NDArray[np.float32]:
@@ -43,6 +38,11 @@ def stream_mix(loss: Loss) -> NDArray[np.float32]:
     if loss not in _MIX:
         raise ValueError(f"unknown loss {loss!r}; choose from {', '.join(LOSSES)}.")
     return np.array(_MIX[loss], dtype=np.float32)
+
+
+def stream_penalties(loss: Loss) -> list[float]:
+    """Weight of the weight penalty in each stream's loss."""
+    return [float(d * DOMINANT_PENALTY + n * NON_DOMINANT_PENALTY) for d, n in stream_mix(loss)]
 
 
 def stream_names(loss: Loss) -> tuple[str, ...]:
@@ -65,7 +65,7 @@ def shares(loss: Loss) -> dict[str, list[float]]:
 
 def penalty_weights(loss: Loss) -> dict[str, float]:
     """Weight of the weight penalty on each group of the network, routed like the rest of the loss."""
-    streams = _PENALTY[loss]
+    streams = stream_penalties(loss)
     return {
         group: sum(share * weight for share, weight in zip(shares(loss)[group], streams, strict=True))
         for group in ("dominant", "non_dominant", "shared")

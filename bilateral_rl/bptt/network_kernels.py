@@ -82,8 +82,8 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
     class Deltas:
         """Gradients of the streams' losses with respect to what each layer puts into its nonlinearity."""
 
-        hidden: wp.array3d(dtype=vec_side)  # (streams, n, layers * sides)
-        output: wp.array2d(dtype=vec_out)  # (streams, n)
+        hidden: wp.array3d(dtype=vec_side)  # (n, streams, layers * sides)
+        output: wp.array2d(dtype=vec_out)  # (n, streams)
         combination: wp.array3d(dtype=real)  # (streams, trials, 2), with respect to the weights, summed over steps
         activity: wp.array3d(dtype=vec_side)  # (streams, n, layers * sides) of a loss on hidden activity, or empty
 
@@ -186,7 +186,7 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
         delta_out = vec_out()
         for i in range(n_outputs):
             delta_out[i] = gradient[i] * excitation[i] * (real(1.0) - excitation[i])
-        d.output[stream, k] = delta_out
+        d.output[k, stream] = delta_out
         of_combined = vec_side()
         for i in range(width):
             of_combined[i] = wp.dot(w.output[s, i], delta_out)
@@ -214,7 +214,7 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
                 delta = vec_side()
                 for i in range(width):
                     delta[i] = of_active[i] * (real(1.0) - h[i] * h[i])
-                d.hidden[stream, k, row] = delta
+                d.hidden[k, stream, row] = delta
                 if layer > 0:
                     for i in range(width):
                         of_received[side, i] = wp.dot(w.hidden[s, row - sides, i], delta)

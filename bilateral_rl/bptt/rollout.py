@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -23,6 +25,7 @@ from bilateral_rl.bptt.rollout_kernels import rollout_kernels
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import N_MUSCLE_ROWS, kernel_parameters
+from bilateral_rl.envs.arm.warp_start import launch_place
 from bilateral_rl.policies.lesions import Lesion
 
 _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
@@ -44,6 +47,7 @@ class TrajectoryGradients(NamedTuple):
 
     joint: Tensor | None = None
     muscle: Tensor | None = None
+    hand: Tensor | None = None
     hidden: Tensor | None = None
 
 
@@ -60,7 +64,7 @@ class Rollout:
         n_trials: B.
         n_steps: T.
         n_streams: losses whose gradients are wanted; 0 for none.
-        watches_state: whether a loss looks at joint or muscle states.
+        watches_state: whether a loss looks at states: joints, muscles or the hand, but for its distance to the target.
         watches_activity: whether a loss looks at hidden activity.
         device: ``"cpu"`` or a CUDA device.
         dtype: ``torch.float32`` or ``torch.float64``.
@@ -98,8 +102,9 @@ class Rollout:
         self.n_networks, self.n_trials, self.n_steps, self.n_streams = n_networks, n_trials, n_steps, n_streams
         self._watches_state, self._watches_activity = watches_state, watches_activity
         self._pool, self._n_threads = pool, n_threads if pool is not None else 1
-        self._kernels = rollout_kernels(_REAL[dtype], layout.shape)
-        self._p = kernel_parameters(arm, _REAL[dtype])
+        self.real = _REAL[dtype]
+        self._kernels = rollout_kernels(self.real, layout.shape)
+        self._p = kernel_parameters(arm, self.real)
         self._allocate()
         self._forward_launches = self._launches(self._kernels.roll, [self._activity_args, self._out_args])
         if n_streams:
@@ -109,9 +114,9 @@ class Rollout:
 
     def forward(self) -> None:
         """Every trial once; fills the trajectories."""
-        self._share([launch.launch for launch in self._forward_launches])
+        self._launch(self._forward_launches)
 
-    def backward(self, term_weights: Tensor, seeds: TrajectoryGradients = TrajectoryGradients()) -> Tensor:
+    def backward(self, term_weights: Tensor, seeds: TrajectoryGradients | None = None) -> Tensor:
         """Gradients of losses of the last :meth:`forward` with respect to the weights.
 
         Args:
@@ -123,20 +128,30 @@ class Rollout:
             (streams, S, width), overwritten by the next call.
         """
         self._term_weights.copy_(term_weights)
-        for own, given in ((self._of_joint, seeds.joint), (self._of_muscle, seeds.muscle), (self._of_hidden, seeds.hidden)):
+        seeds = seeds or TrajectoryGradients()
+        for own, given in (
+            (self._of_joint, seeds.joint),
+            (self._of_muscle, seeds.muscle),
+            (self._of_hand, seeds.hand),
+            (self._of_hidden, seeds.hidden),
+        ):
             if own.numel():
                 own.zero_() if given is None else own.copy_(given.reshape(own.shape))
             elif given is not None:
                 raise ValueError("the rollout was made without room for gradients of states or of activity.")
-        self._share([launch.launch for launch in self._backward_launches])
+        self._launch(self._backward_launches)
         networks = range(self.n_networks)
-        self._share([lambda part=part: self._assemble(networks[part]) for part in _parts(self.n_networks, self._n_threads)])
+        parts = _parts(self.n_networks, self._n_threads)
+        self._share([functools.partial(self._assemble, networks[part]) for part in parts])
         return self.gradient
 
     def set_lesions(self, lesions: Sequence[Lesion]) -> None:
         """Lesion network ``s`` by ``lesions[s]``."""
         gates = torch.ones(self.n_networks, N_GATES)
-        sites = {"dominant": (INPUT_DOMINANT, OUTPUT_DOMINANT), "non_dominant": (INPUT_NON_DOMINANT, OUTPUT_NON_DOMINANT)}
+        sites = {
+            "dominant": (INPUT_DOMINANT, OUTPUT_DOMINANT),
+            "non_dominant": (INPUT_NON_DOMINANT, OUTPUT_NON_DOMINANT),
+        }
         for gate, lesion in zip(gates, lesions, strict=True):
             if lesion.input_of:
                 gate[sites[lesion.input_of][0]] = 0.0
@@ -168,18 +183,23 @@ class Rollout:
         state, activity = int(self._watches_state), int(self._watches_activity)
         self._of_joint = self._zeros(k, s * b * t * state, 4)
         self._of_muscle = self._zeros(k, s * b * t * state, N_MUSCLE_ROWS, N_MUSCLES)
+        self._of_hand = self._zeros(k, s * b * t * state, 2)
         self._of_hidden = self._zeros(k, s * b * t * activity, n_hidden, shape.width)
-        self._delta_hidden = self._zeros(k, s, b * t, n_hidden, shape.width)
-        self._delta_output = self._zeros(k, s, b * t, shape.n_outputs)
+        self._delta_hidden = self._zeros(s, b * t, k, n_hidden, shape.width)
+        self._delta_output = self._zeros(s, b * t, k, shape.n_outputs)
         self._of_combination = self._zeros(k, s * b, 2)
-        self._carried = (self._zeros(k, s * b, 4), self._zeros(k, s * b, N_MUSCLE_ROWS, N_MUSCLES), self._zeros(k, s * b, 4))
+        self._carried = (
+            self._zeros(k, s * b, 4),
+            self._zeros(k, s * b, N_MUSCLE_ROWS, N_MUSCLES),
+            self._zeros(k, s * b, 4),
+        )
         self.gradient = self._zeros(k, s, layout.width)
         self._make_structs()
 
     def _make_structs(self) -> None:
         kernels, network, physics = self._kernels, self._kernels.network, self._kernels.physics
-        shape, s = self.layout.shape, self.n_networks
-        real = _REAL[self.dtype]
+        shape = self.layout.shape
+        real = self.real
         sides, width = shape.sides, shape.width
         weights = network.Weights()
         first = "hidden.0.weight" if sides == 1 else "dominant.0.weight"
@@ -217,8 +237,9 @@ class Rollout:
         gradients.terms = wp.from_torch(self._term_weights, dtype=kernels.vec_terms)
         gradients.joint = wp.from_torch(self._of_joint, dtype=physics.vec4)
         gradients.muscle = wp.from_torch(self._of_muscle, dtype=kernels.rows)
-        deltas.hidden = wp.from_torch(self._delta_hidden.view(self.n_streams, n, -1, width), dtype=network.vec_side)
-        deltas.output = wp.from_torch(self._delta_output.view(self.n_streams, n, -1), dtype=network.vec_out)
+        gradients.hand = wp.from_torch(self._of_hand, dtype=physics.vec2)
+        deltas.hidden = wp.from_torch(self._delta_hidden.flatten(0, 1), dtype=network.vec_side)
+        deltas.output = wp.from_torch(self._delta_output.flatten(0, 1), dtype=network.vec_out)
         deltas.combination = wp.from_torch(self._of_combination, dtype=real)
         deltas.activity = wp.from_torch(self._of_hidden, dtype=network.vec_side)
         for name, tensor, dtype in zip(
@@ -245,36 +266,46 @@ class Rollout:
                 kernel,
                 dim=part.stop - part.start,
                 inputs=[*self._head, part.start, *arguments],
-                device=self.device,
                 record_cmd=True,
+                **launch_place(self.device),
             )
             for part in _parts(self.n_networks * self.n_trials, self._n_threads)
         ]
 
     def _assemble(self, networks: range) -> None:
-        """Weight gradients from what each layer received and the gradient of what it put out."""
-        shape = self.layout.shape
+        """Weight gradients from what each layer received and the gradient of what it put out.
+
+        The products also pair what does not belong together: three large ones are faster than the ten needed ones.
+        """
+        layout, shape = self.layout, self.layout.shape
         sides, width = shape.sides, shape.width
-        first = "hidden.0.weight" if sides == 1 else "dominant.0.weight"
-        for stream in range(self.n_streams):
-            for s in networks:
-                row, delta = self.gradient[stream, s], self._delta_hidden[stream, s]
-                offset = self.layout.offset(first)
-                for index in range(shape.layers * sides):
-                    received = self._seen[s] if index < sides else self._received[s, :, index - sides]
-                    size = received.shape[1] * width
-                    out = row[offset : offset + size].view(-1, width)
-                    torch.mm(received.t(), delta[:, index], out=out)
-                    if index < sides:
-                        out[:-1] *= self._gates[s, INPUT_DOMINANT + index]
-                    offset += size
-                if sides == 2:
-                    by_trial = self._of_combination[stream].view(self.n_networks, self.n_trials, 2)[s]
-                    row[offset : offset + 2] = by_trial.sum(0)
-                    offset += 2
-                size = (width + 1) * shape.n_outputs
-                out = row[offset : offset + size].view(-1, shape.n_outputs)
-                torch.mm(self._combined[s].t(), self._delta_output[stream, s], out=out)
+        after_first = sides * (shape.n_inputs + 1) * width
+        after_hidden = after_first + (shape.layers - 1) * sides * (width + 1) * width
+        output = layout.offset("output.weight")
+        for s in networks:
+            deltas = self._delta_hidden[s].flatten(1)
+            of_first = (self._seen[s].t() @ deltas).view(-1, self.n_streams, shape.layers * sides, width)
+            of_hidden = (self._received[s].flatten(1).t() @ deltas).view(
+                (shape.layers - 1) * sides, width + 1, self.n_streams, shape.layers * sides, width
+            )
+            of_output = self._combined[s].t() @ self._delta_output[s].flatten(1)
+            row = self.gradient[:, s]
+            first = row[:, :after_first].view(self.n_streams, sides, -1, width)
+            first.copy_(of_first[:, :, :sides].permute(1, 2, 0, 3))
+            first[:, :, :-1] *= self._gates[s, INPUT_DOMINANT : INPUT_DOMINANT + sides].view(sides, 1, 1)
+            hidden = row[:, after_first:after_hidden].view(self.n_streams, (shape.layers - 1) * sides, width + 1, width)
+            for index in range((shape.layers - 1) * sides):
+                hidden[:, index] = of_hidden[index, :, :, index + sides].transpose(0, 1)
+            if sides == 2:
+                by_trial = self._of_combination.view(self.n_streams, self.n_networks, self.n_trials, 2)[:, s]
+                row[:, after_hidden : after_hidden + 2] = by_trial.sum(1)
+            row[:, output : output + of_output.numel() // self.n_streams].view(
+                self.n_streams, width + 1, shape.n_outputs
+            ).copy_(of_output.view(width + 1, self.n_streams, -1).transpose(0, 1))
+
+    def _launch(self, launches: list[Any]) -> None:
+        stream = launch_place(self.device).get("stream")
+        self._share([functools.partial(launch.launch, stream) for launch in launches])
 
     def _share(self, jobs: list[Callable[[], Any]]) -> None:
         if self._pool is None:
@@ -292,4 +323,4 @@ def _parts(n: int, parts: int) -> list[slice]:
     """``range(n)`` cut into at most ``parts`` parts of nearly equal size."""
     parts = min(n, parts)
     bounds = [n * i // parts for i in range(parts + 1)]
-    return [slice(a, b) for a, b in zip(bounds, bounds[1:], strict=False)]
+    return [slice(a, b) for a, b in itertools.pairwise(bounds)]

@@ -56,11 +56,12 @@ def rollout_kernels(real: Any, shape: NetworkShape) -> SimpleNamespace:
 
     @wp.struct
     class Gradients:
-        """Of each stream's loss; ``joint`` and ``muscle`` are empty for losses that do not look at them."""
+        """Of each stream's loss; all but ``terms`` are empty for losses that look at nothing else."""
 
         terms: wp.array(dtype=vec_terms)  # (streams,) with respect to every step's terms
         joint: wp.array2d(dtype=vec4)  # (streams, n * T)
         muscle: wp.array2d(dtype=rows)  # (streams, n * T)
+        hand: wp.array2d(dtype=vec2)  # (streams, n * T)
 
     @wp.struct
     class Carried:
@@ -163,6 +164,8 @@ def rollout_kernels(real: Any, shape: NetworkShape) -> SimpleNamespace:
                 if g.joint.shape[1] > 0:
                     of_joint = of_joint + g.joint[stream, k]
                     of_muscle = of_muscle + g.muscle[stream, k]
+                    seen = g.hand[stream, k]
+                    of_hand = of_hand + vec4(seen[0], seen[1], real(0.0), real(0.0))
                 pulled = pull_back(
                     p, slopes, joint, muscle[FORCE], trials.load[trial], muscle_next, of_joint, of_muscle, of_hand
                 )

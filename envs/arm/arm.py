@@ -11,6 +11,7 @@ from torch import Tensor
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.arm.physics import LENGTH, N_MUSCLE_ROWS, VELOCITY, kernel_parameters
+from bilateral_rl.envs.arm.warp_start import launch_place
 
 _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
 
@@ -70,7 +71,7 @@ class Arm:
         n = len(joint)
         muscle, cartesian = joint.new_empty(n, N_MUSCLE_ROWS, N_MUSCLES), joint.new_empty(n, 4)
         arrays = [_as_warp(self._kernels, name, t) for name, t in zip("jmc", (joint, muscle, cartesian), strict=True)]
-        wp.launch(self._kernels.rest, dim=n, inputs=[self._p, *arrays], **_place(self.device))
+        wp.launch(self._kernels.rest, dim=n, inputs=[self._p, *arrays], **launch_place(self.device))
         return ArmState(joint, muscle, cartesian)
 
     def step(self, state: ArmState, excitation: Tensor, load: Tensor | None = None) -> ArmState:
@@ -140,14 +141,7 @@ class _Step(torch.autograd.Function):
 
 def _launch(arm: Arm, kernel: Any, names: str, tensors: tuple[Tensor, ...]) -> None:
     arrays = [_as_warp(arm._kernels, name, t) for name, t in zip(names, tensors, strict=True)]
-    wp.launch(kernel, dim=len(tensors[0]), inputs=[arm._p, *arrays], **_place(arm.device))
-
-
-def _place(device: torch.device) -> dict[str, Any]:
-    """Where to launch: on CUDA, the stream that torch is using."""
-    if device.type == "cuda":
-        return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device))}
-    return {"device": str(device)}
+    wp.launch(kernel, dim=len(tensors[0]), inputs=[arm._p, *arrays], **launch_place(arm.device))
 
 
 def _as_warp(kernels: Any, name: str, tensor: Tensor) -> Any:

@@ -60,4 +60,6 @@ def muscle_functions(real: Any) -> SimpleNamespace:
             felt[N_MUSCLES + m] = state[VELOCITY, m] / (p.normalized_max_velocity * p.optimal_muscle_length[m])
         return felt
 
-    return SimpleNamespace(rows=rows, proprioception=proprioception, muscle_torque=muscle_torque, muscles_at=muscles_at, activate=activate)
+    return SimpleNamespace(
+        rows=rows, proprioception=proprioception, muscle_torque=muscle_torque, muscles_at=muscles_at, activate=activate
+    )

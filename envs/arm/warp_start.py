@@ -8,7 +8,9 @@ import functools
 import os
 import sys
 from collections.abc import Iterator
+from typing import Any
 
+import torch
 import warp as wp
 
 
@@ -18,6 +20,13 @@ def start_warp() -> None:
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
     with contextlib.nullcontext() if _has_cuda_driver() else _muted_stderr():
         wp.init()
+
+
+def launch_place(device: str | torch.device) -> dict[str, Any]:
+    """Where to launch for torch tensors on ``device``: on CUDA, the stream that torch is using."""
+    if torch.device(device).type == "cuda":
+        return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device))}
+    return {"device": str(device)}
 
 
 def _has_cuda_driver() -> bool:
