@@ -11,8 +11,9 @@ import time
 FIRST_STEP = """
 import sys, time
 from pathlib import Path
-from bilateral_rl.config import resolve
-from bilateral_rl.training import Progress, train
+from bilateral_rl.resolve import resolve
+from bilateral_rl.progress import Progress
+from bilateral_rl.training import train
 
 class FirstStep(Progress):
     def on_step(self, timesteps):

@@ -13,7 +13,7 @@ from motornet_env import MotorNetReach
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
-from bilateral_rl.config import resolve
+from bilateral_rl.resolve import resolve
 from bilateral_rl.training import train
 
 
@@ -21,7 +21,7 @@ def ours(timesteps: int) -> float:
     """Steps/s of the default training with its logging, evaluations and saved weights."""
     with tempfile.TemporaryDirectory() as folder:
         outcome = train(resolve(None, None, [{"timesteps": timesteps}]), Path(folder))
-    return outcome.timesteps / outcome.seconds
+    return outcome.done / outcome.seconds
 
 
 def stock_on_motornet(timesteps: int) -> float:

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FrameType
-from typing import Any, TextIO
+from typing import TextIO
 
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Figure as LoggedFigure
 
-from bilateral_rl.config import TrainConfig
+from bilateral_rl.config import RLConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord
 from bilateral_rl.figures import hand_paths
 from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.progress import StopRequest
 from bilateral_rl.run_folder import BEST, RunFolder
 
 OnEvaluation = Callable[[int, dict[str, float]], None]
@@ -39,7 +36,7 @@ class EvaluationCallback(BaseCallback):
     FIGURE_EVERY = 4
     """Evaluations between figures of hand paths."""
 
-    def __init__(self, folder: RunFolder, config: TrainConfig, on_evaluation: OnEvaluation) -> None:
+    def __init__(self, folder: RunFolder, config: RLConfig, on_evaluation: OnEvaluation) -> None:
         super().__init__()
         self._folder, self._config, self._on_evaluation = folder, config, on_evaluation
         evaluation = config.evaluation
@@ -169,29 +166,11 @@ class MonitorCallback(BaseCallback):
 
 
 class StopCallback(BaseCallback):
-    """Stop the training between two steps once :attr:`requested` is set."""
+    """Stop the training between two steps once ``request`` asks for it."""
 
-    def __init__(self) -> None:
+    def __init__(self, request: StopRequest) -> None:
         super().__init__()
-        self.requested = False
+        self._request = request
 
     def _on_step(self) -> bool:
-        return not self.requested
-
-    @contextmanager
-    def on_interrupt(self) -> Iterator[None]:
-        """A context in which the first Ctrl-C requests the stop and the second raises KeyboardInterrupt."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-
-        def request(number: int, frame: FrameType | None) -> Any:
-            if self.requested:
-                raise KeyboardInterrupt
-            self.requested = True
-
-        before = signal.signal(signal.SIGINT, request)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, before)
+        return not self._request.requested

@@ -36,6 +36,7 @@ TASK_DESCRIPTIONS: dict[str, str] = {
 
 ALGORITHMS: dict[str, str] = {
     "ppo": "proximal policy optimization, a critic and an advantage for each hemisphere",
+    "bptt": "supervised: back-propagation through time through the arm, as in the paper; many seeds at once",
 }
 
 

@@ -23,13 +23,17 @@ console = Console()
 errors = Console(stderr=True)
 
 RUNS = Path("runs")
-Run = Annotated[Path, typer.Argument(help="A run folder, such as runs/random_reach/cc_s-ppo-1.")]
+Run = Annotated[
+    str, typer.Argument(help="A run folder, such as runs/random_reach/cc_s-ppo-1, or RUN:SEED for one seed of it.")
+]
 Out = Annotated[Path, typer.Option(help="Folder of all runs.")]
 
 
 @app.command()
 def train(
-    algo: Annotated[str | None, typer.Option(help="Training algorithm: ppo.", show_default="ppo")] = None,
+    algo: Annotated[
+        str | None, typer.Option(help="ppo or bptt (supervised, as in the paper).", show_default="ppo")
+    ] = None,
     model: Annotated[
         str | None, typer.Option(help="uni_b, uni_dl, uni_ndl, bi_ns, bi_s, cc_ns or cc_s.", show_default="cc_s")
     ] = None,
@@ -37,16 +41,27 @@ def train(
         str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
     ] = None,
     timesteps: Annotated[
-        int | None, typer.Option(help="Environment steps, over all arms.", show_default="12000000")
+        int | None, typer.Option(help="Environment steps, over all arms (ppo).", show_default="12000000")
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="At most so many (bptt).", show_default="100")] = None,
+    seeds: Annotated[
+        int | None, typer.Option(help="Networks to train at once, of --seed and up (bptt).", show_default="1")
+    ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(help="Weight penalty: paper, or released for its code's (bptt).", show_default="paper"),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.", show_default="0")] = None,
-    n_envs: Annotated[int | None, typer.Option(help="Arms simulated at once.", show_default="1024")] = None,
+    n_envs: Annotated[int | None, typer.Option(help="Arms simulated at once (ppo).", show_default="1024")] = None,
     units: Annotated[
         int | None, typer.Option(help="Units per hidden layer, over both sides.", show_default="10")
     ] = None,
     layers: Annotated[int | None, typer.Option(help="Hidden layers.", show_default="2")] = None,
     threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).", show_default="0.05")] = None,
     device: Annotated[str | None, typer.Option(help="cpu or cuda.", show_default="cpu")] = None,
+    init_from: Annotated[
+        str | None, typer.Option(metavar="RUN[:SEED]", help="Begin with this run's network, whatever trained it.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of all runs.", show_default="runs")] = None,
     config: Annotated[Path | None, typer.Option(help="Settings from a YAML or JSON file.")] = None,
     overrides: Annotated[
@@ -54,14 +69,15 @@ def train(
         typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
     ] = None,
     resume: Annotated[
-        Path | None, typer.Option(help="Go on with this run; only --timesteps and --device go with it.")
+        Path | None, typer.Option(help="Go on with this run; only --timesteps or --epochs, and --device go with it.")
     ] = None,
 ) -> None:
     """Train a model. The bare command trains cc_s to reach with PPO, in a few minutes."""
     from bilateral_rl import commands
 
     flags: dict[str, Any] = {
-        "timesteps": timesteps, "seed": seed, "n_envs": n_envs, "device": device,
+        "timesteps": timesteps, "epochs": epochs, "seeds": seeds, "profile": profile,
+        "seed": seed, "n_envs": n_envs, "device": device, "init_from": init_from,
         "network.units": units, "network.layers": layers, "trial.threshold": threshold,
     }  # fmt: skip
     if resume is not None:

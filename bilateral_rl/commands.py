@@ -6,20 +6,24 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bilateral_rl import settings, training
 from bilateral_rl.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
-from bilateral_rl.config import TrainConfig, resolve
+from bilateral_rl.config import BPTTConfig, TrainConfig
+from bilateral_rl.controllers import load_policies, parse_run
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord, summaries
+from bilateral_rl.progress import Outcome, Progress, check_device
+from bilateral_rl.reports import TrainingProgress, measures_table, training_title
+from bilateral_rl.resolve import resolve
 from bilateral_rl.run_folder import RunFolder, find_runs, replacing
 
 INTERRUPTED_EXIT = 130
@@ -41,26 +45,29 @@ def train(
     layers = [settings.load_file(config_file)] if config_file else []
     layers += [settings.parse_overrides(overrides), _nested(flags)]
     config = resolve(algo, task, layers, model=model)
-    training.check_device(config.device)
+    check_device(config.device)
     _report_training(config, console, lambda progress: training.train(config, out, progress))
 
 
 def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
-    allowed = ("timesteps", "device")
+    folder = RunFolder.open(path)
+    config = folder.config()
+    allowed = ("epochs" if isinstance(config, BPTTConfig) else "timesteps", "device")
     for name, value in given.items():
         if value is not None and name not in allowed:
             flag = name.rpartition(".")[2].replace("_", "-")
-            raise UserError(f"A resumed run keeps its settings: --resume takes --timesteps and --device, not --{flag}.")
-    folder = RunFolder.open(path)
-    values = folder.config().to_values() | {name: given[name] for name in allowed if given[name] is not None}
+            raise UserError(
+                f"A resumed run keeps its settings: --resume takes --{allowed[0]} and --device here, not --{flag}."
+            )
+    values = config.to_values() | {name: given[name] for name in allowed if given[name] is not None}
     config = resolve(None, None, [values])
-    training.check_device(config.device)
+    check_device(config.device)
     _report_training(config, console, lambda progress: training.resume(folder, config, progress))
 
 
 def evaluate(
-    path: Path,
+    run: str,
     trials: int,
     seed: int,
     deterministic: bool,
@@ -69,20 +76,36 @@ def evaluate(
     json_file: Path | None,
     console: Console,
 ) -> None:
-    """Test a run's policy and print, and perhaps write, its measures."""
+    """Test a run's policies, or one of them, and print, and perhaps write, their measures."""
     if trials < 1 or seed < 0:
         raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
-    folder = RunFolder.open(path)
+    folder, only = parse_run(run)
     config = folder.config()
-    policy = training.load_policy(folder, weights)
-    record = Evaluator(config.task, config.trial, trials, seed).run(policy, deterministic)
-    console.print(_measures_table(record, config, f"{path} ({weights}), {trials} trials of seed {seed}"))
+    evaluator = Evaluator(config.task, config.trial, trials, seed)
+    policies = load_policies(folder, weights, only)
+    records = {own: evaluator.run(policy, deterministic) for own, policy in policies.items()}
+    console.print(measures_table(records, config, f"{run} ({weights}), {trials} trials of seed {seed}"))
+    threshold = config.trial.threshold
     if csv is not None:
-        _write(csv, record.table(config.trial.threshold).to_csv(index=False))
+        tables = [record.table(threshold).assign(seed=own) for own, record in records.items()]
+        _write(csv, pd.concat(tables).to_csv(index=False))
     if json_file is not None:
-        table = {f"{radius:g}": values for radius, values in summaries(record, config.trial.threshold).items()}
-        head = {"run": str(path), "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
-        _write(json_file, json.dumps(_finite(head | {"by_threshold_m": table}), indent=2, allow_nan=False) + "\n")
+        head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
+        by_seed = {own: _by_threshold(record, threshold) for own, record in records.items()}
+        measures = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
+        _write(json_file, json.dumps(_finite(head | measures), indent=2, allow_nan=False) + "\n")
+
+
+def _by_threshold(record: TrialRecord, threshold: float) -> dict[str, dict[str, float]]:
+    return {f"{radius:g}": values for radius, values in summaries(record, threshold).items()}
+
+
+def _means(tables: Sequence[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
+    """Means over the seeds, of what is a number in any."""
+    return {
+        radius: {name: float(pd.Series([table[radius][name] for table in tables]).mean()) for name in values}
+        for radius, values in tables[0].items()
+    }
 
 
 def list_all(out: Path, console: Console) -> None:
@@ -100,106 +123,55 @@ def list_all(out: Path, console: Console) -> None:
     if not runs:
         console.print(f"No runs below {out} yet; `bilateral-rl train` makes one.")
         return
-    table = Table("run", "state", "steps", title="Runs", title_justify="left")
+    table = Table("run", "state", "done", title="Runs", title_justify="left")
     for run in runs:
         try:
             status = run.status()
         except UserError:
             status = {"state": "damaged"}
-        steps = status.get("timesteps", 0)
-        table.add_row(escape(str(run.path)), escape(status.get("state", "?")), f"{steps:,}" if steps else "")
+        table.add_row(escape(str(run.path)), escape(status.get("state", "?")), _done(status))
     console.print(table)
 
 
-class TrainingProgress(training.Progress):
-    """A bar with the remaining time and the present goal completion; lines where there is no terminal."""
-
-    def __init__(self, total: int, console: Console) -> None:
-        self._console = console
-        self._draws = console.is_terminal and not console.is_dumb_terminal
-        self._bar = Progress(
-            TextColumn("[bold]training"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeRemainingColumn(),
-            TextColumn("left"),
-            TextColumn("{task.fields[goal]}"),
-            TextColumn("{task.fields[speed]}"),
-            console=console,
-            disable=not self._draws,
-        )
-        self._task = self._bar.add_task("train", total=total, start=False, speed="", goal="")
-
-    def __enter__(self) -> TrainingProgress:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def on_start(self, timesteps: int) -> None:
-        self._bar.reset(self._task, completed=timesteps)
-
-    def on_step(self, timesteps: int) -> None:
-        speed = self._bar.tasks[self._task].speed
-        text = f"{speed / 1000:.0f} k steps/s" if speed else ""
-        self._bar.update(self._task, completed=timesteps, speed=text)
-
-    def on_evaluation(self, timesteps: int, measures: dict[str, float]) -> None:
-        goal = f"goal {measures['goal_completion_percent']:.0f} %"
-        inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
-        self._bar.update(self._task, goal=goal)
-        if not self._draws:
-            error = f"final error {measures['final_error_cm']:.1f} cm"
-            self._console.print(f"{timesteps:>12,} steps: {goal}, {inside}, {error}", highlight=False)
+def _done(status: Mapping[str, Any]) -> str:
+    if "epochs" in status:
+        seeds = len(status.get("seeds", []))
+        return f"{status['epochs']} epochs" + (f" of {seeds} seeds" if seeds > 1 else "")
+    return f"{status['timesteps']:,} steps" if status.get("timesteps") else ""
 
 
-def _report_training(config: TrainConfig, console: Console, run: Any) -> None:
-    console.print(
-        f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}: "
-        f"{config.timesteps:,} steps of {config.n_envs} arms, seed {config.seed}. Ctrl-C stops and saves."
-    )
-    with TrainingProgress(config.timesteps, console) as progress:
-        outcome: training.Outcome = run(progress)
+def _report_training(config: TrainConfig, console: Console, run: Callable[[Progress], Outcome]) -> None:
+    console.print(training_title(config))
+    with TrainingProgress(config, console) as progress:
+        outcome = run(progress)
+    for note in outcome.notes:
+        console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     path = escape(shlex.quote(str(outcome.folder.path)))
     out = escape(shlex.quote(str(outcome.folder.path.parent.parent)))
     minutes = f"{outcome.seconds / 60:.1f} minutes"
     if outcome.interrupted:
-        console.print(f"Stopped after {outcome.timesteps:,} steps and {minutes}; saved in [bold]{path}[/bold].")
+        unit = "updates" if isinstance(config, BPTTConfig) else "steps"
+        console.print(f"Stopped after {outcome.done:,} {unit} and {minutes}; saved in [bold]{path}[/bold].")
         console.print(f"Go on with: bilateral-rl train --resume {path}", soft_wrap=True)
         sys.exit(INTERRUPTED_EXIT)
     evaluator = Evaluator(config.task, config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
-    record = evaluator.run(outcome.policy)
-    title = f"What {config.model} learned in {minutes}, {SUMMARY_TRIALS} new trials"
-    console.print(_measures_table(record, config, title))
+    records = {seed: evaluator.run(policy) for seed, policy in outcome.policies.items()}
+    console.print(
+        measures_table(records, config, f"What {config.model} learned in {minutes}, {SUMMARY_TRIALS} new trials")
+    )
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
     console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
     console.print(f"  tensorboard --logdir {out}", soft_wrap=True, highlight=False)
+    console.print(f"  {_next_training(config, path, out)}", soft_wrap=True, highlight=False)
+
+
+def _next_training(config: TrainConfig, path: str, out: str) -> str:
+    """What one might train next."""
+    if isinstance(config, BPTTConfig):
+        same = f"--model {config.model} --task {config.task}"
+        return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"
     other = "hold_position" if config.task == "random_reach" else "random_reach"
-    command = f"bilateral-rl train --model {config.model} --task {other} --out {out}"
-    console.print(f"  {command}", soft_wrap=True, highlight=False)
-
-
-def _measures_table(record: TrialRecord, config: TrainConfig, title: str) -> Table:
-    table = Table("goal radius", title=escape(title), title_justify="left")
-    for column in ("goal completion", "speed to goal", "time in goal"):
-        table.add_column(column, justify="right")
-    rows = summaries(record, config.trial.threshold)
-    for radius, row in rows.items():
-        speed = row["speed_to_goal_cm_per_step"]
-        own = "[bold]" if math.isclose(radius, config.trial.threshold) else ""
-        table.add_row(
-            f"{own}{100 * radius:g} cm",
-            f"{own}{row['goal_completion_percent']:.1f} %",
-            f"{own}{speed:.2f} cm/step" if speed > 0 else "–",  # nan: never reached; 0: a hold starts there
-            f"{own}{row['time_in_goal_steps']:.1f} of {config.trial.trial_length} steps",
-        )
-    any_row = rows[config.trial.threshold]
-    table.caption = (
-        f"final error {any_row['final_error_cm']:.1f} cm; return: dominant {any_row['return_dominant']:.1f}, "
-        f"non-dominant {any_row['return_non_dominant']:.1f}"
-    )
-    return table
+    return f"bilateral-rl train --model {config.model} --task {other} --out {out}"
 
 
 def _nested(flags: Mapping[str, Any]) -> dict[str, Any]:

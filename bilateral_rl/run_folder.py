@@ -21,8 +21,9 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from bilateral_rl import settings
-from bilateral_rl.config import TrainConfig, resolve
+from bilateral_rl.config import TrainConfig
 from bilateral_rl.errors import UserError
+from bilateral_rl.resolve import resolve
 
 FINAL, BEST = "final", "best"
 Tensors = dict[str, Tensor]
@@ -69,9 +70,9 @@ class RunFolder:
         return resolve(None, None, [values])
 
     def status(self) -> dict[str, Any]:
-        """``status.json``: state, timesteps, updates, weights; or an empty dictionary. Raises UserError if damaged."""
+        """``status.json``: state, weights and how far it came; or an empty dictionary. Raises UserError if damaged."""
         status = self.read_json("status.json", default={})
-        types = {"state": str, "timesteps": int, "updates": int, "weights": str}
+        types = {"state": str, "timesteps": int, "epochs": int, "updates": int, "weights": str, "seeds": list}
         if not isinstance(status, dict) or any(not isinstance(status.get(k, t()), t) for k, t in types.items()):
             raise UserError(f"{self.path / 'status.json'} is damaged: it does not say how far the training came.")
         return status

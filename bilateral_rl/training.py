@@ -1,293 +1,36 @@
-"""Training runs from start or resume to their end."""
+"""Training runs of every algorithm, from start or resume."""
 
 from __future__ import annotations
 
-import contextlib
-import math
-import time
-import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import torch
-from gymnasium import spaces
-from stable_baselines3.common.callbacks import BaseCallback, CallbackList
-from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
-from torch import Tensor
-
-from bilateral_rl.algorithms import HemisphericPPO
-from bilateral_rl.algorithms.routing import stream_mix
-from bilateral_rl.callbacks import (
-    CheckpointCallback,
-    EvaluationCallback,
-    MonitorCallback,
-    StopCallback,
-)
-from bilateral_rl.catalogue import find_model
-from bilateral_rl.config import TrainConfig
-from bilateral_rl.envs import ENVIRONMENT_IDS, ArmVecEnv
-from bilateral_rl.envs.arm.parameters import N_MUSCLES
-from bilateral_rl.errors import UserError
-from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.run_folder import FINAL, RunFolder
-
-RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
-
-
-class Progress:
-    """Who is told how a training comes along; subclass it to watch, or leave it unwatched."""
-
-    def on_start(self, timesteps: int) -> None:
-        """Training starts with ``timesteps`` environment steps done before."""
-
-    def on_step(self, timesteps: int) -> None:
-        """``timesteps`` environment steps are done."""
-
-    def on_evaluation(self, timesteps: int, measures: dict[str, float]) -> None:
-        """The policy was evaluated."""
-
-
-UNWATCHED = Progress()
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a training ended."""
-
-    folder: RunFolder
-    timesteps: int
-    interrupted: bool
-    seconds: float
-    policy: BilateralActorCriticPolicy
+from bilateral_rl import rl_training
+from bilateral_rl.bptt import training as bptt_training
+from bilateral_rl.config import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.progress import UNWATCHED, Outcome, Progress
+from bilateral_rl.run_folder import RunFolder
 
 
 def train(config: TrainConfig, out: Path, progress: Progress = UNWATCHED) -> Outcome:
-    """Train from scratch into a new folder below ``out``.
+    """Train into a new folder below ``out``.
 
     Raises:
-        UserError: a device that is not there, or a folder that cannot be written.
+        UserError: a device or an initial network that is not there, a folder that cannot be written, or a training
+            that diverged.
     """
-    algorithm = build_algorithm(config)
-    return _run(algorithm, config, RunFolder.create(out, config), config.timesteps, progress)
+    if isinstance(config, BPTTConfig):
+        return bptt_training.train(config, out, progress)
+    assert isinstance(config, RLConfig)
+    return rl_training.train(config, out, progress)
 
 
 def resume(folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHED) -> Outcome:
-    """Go on with ``folder``'s training until ``config.timesteps``.
-
-    Weights, optimizer, step counters, schedules and torch's random state continue; every arm starts a new trial.
+    """Go on with ``folder``'s training until the end that ``config`` sets.
 
     Raises:
         UserError: a damaged run, or one that has already come that far.
     """
-    status = folder.status()
-    done = status.get("timesteps", 0)
-    if "weights" not in status:
-        again = f"bilateral-rl train --config {folder.path / 'config.yaml'}"
-        raise UserError(f"{folder.path} stopped before it was first saved; start anew with `{again}`.")
-    if done >= config.timesteps:
-        raise UserError(f"{folder.path} has done its {done:,} steps; give a larger --timesteps to train it further.")
-    algorithm = build_algorithm(config)
-    load_policy_weights(algorithm.policy, folder.load_weights(status["weights"]), folder)
-    _restore(algorithm, folder)
-    folder.write_config(config)
-    algorithm.num_timesteps = done
-    algorithm._n_updates = status.get("updates", 0)
-    # Neither the trials of the first steps again, nor those of an evaluation.
-    seeds = np.random.SeedSequence([config.seed, done]).generate_state(config.n_envs).tolist()
-    algorithm.env.seed_arms(seeds)  # type: ignore[union-attr]
-    return _run(algorithm, config, folder, config.timesteps - done, progress)
-
-
-def build_algorithm(config: TrainConfig) -> HemisphericPPO:
-    """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
-    check_device(config.device)
-    warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
-    torch.set_num_threads(config.threads)
-    trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
-    env = ArmVecEnv(config.n_envs, config.task, device=config.device, seed=config.seed, **trial)
-    model, ppo = find_model(config.model), config.ppo
-    return HemisphericPPO(
-        BilateralActorCriticPolicy,
-        env,
-        loss=model.loss,
-        weight_penalty=ppo.weight_penalty,
-        reward_scale=ppo.reward_scale,
-        learning_rate=linear_schedule(ppo.learning_rate, ppo.final_learning_rate),
-        n_steps=ppo.n_steps,
-        batch_size=_even_batch(ppo.batch_size, ppo.n_steps * config.n_envs),
-        n_epochs=ppo.n_epochs,
-        gamma=ppo.gamma,
-        gae_lambda=ppo.gae_lambda,
-        clip_range=ppo.clip_range,
-        ent_coef=linear_schedule(ppo.ent_coef, ppo.final_ent_coef),
-        vf_coef=ppo.vf_coef,
-        max_grad_norm=ppo.max_grad_norm,
-        stats_window_size=max(100, config.n_envs),
-        policy_kwargs=policy_arguments(config),
-        seed=config.seed,
-        device=config.device,
-    )
-
-
-def _even_batch(largest: int, samples: int) -> int:
-    """The minibatch size that splits ``samples`` into the fewest, most equal parts of at most ``largest``."""
-    return math.ceil(samples / math.ceil(samples / largest))
-
-
-def check_device(device: str) -> None:
-    """Raise a UserError if ``device`` is not there."""
-    if device.startswith("cuda") and not torch.cuda.is_available():
-        raise UserError("There is no CUDA device here; use --device cpu.")
-
-
-def policy_arguments(config: TrainConfig) -> dict[str, Any]:
-    """Keyword arguments of the run's policy, but for the number of streams."""
-    network = config.network
-    return {
-        "architecture": find_model(config.model).architecture,
-        "units": network.units,
-        "layers": network.layers,
-        "critic_arch": network.critic_arch,
-        "log_std_init": network.log_std_init,
-    }
-
-
-def load_policy(folder: RunFolder, weights: str = FINAL) -> BilateralActorCriticPolicy:
-    """The policy of a run, ready to act. Raises UserError if its weights are missing, damaged or of another shape."""
-    policy = build_policy(folder.config())
-    load_policy_weights(policy, folder.load_weights(weights), folder)
-    policy.set_training_mode(False)
-    return policy
-
-
-def build_policy(config: TrainConfig) -> BilateralActorCriticPolicy:
-    """An untrained policy of the run's architecture and sizes, on the CPU."""
-    low, high = config.trial.observation_bounds()
-    return BilateralActorCriticPolicy(
-        spaces.Box(low, high),
-        spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
-        lr_schedule=lambda _: 0.0,
-        n_streams=len(stream_mix(find_model(config.model).loss)),
-        **policy_arguments(config),
-    )
-
-
-def load_policy_weights(policy: BilateralActorCriticPolicy, tensors: dict[str, Tensor], folder: RunFolder) -> None:
-    """Copy ``tensors`` into ``policy``. Raises UserError where names or shapes do not fit."""
-    own = policy.state_dict()
-    wrong = sorted({*own} ^ {*tensors}) or [name for name in own if own[name].shape != tensors[name].shape]
-    if wrong:
-        raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
-    policy.load_state_dict(tensors)
-
-
-@dataclass(frozen=True)
-class linear_schedule:  # noqa: N801 - used as a function; a class so that SB3 can pickle it
-    """Goes linearly from ``initial`` to ``final``, by the remaining progress (1 to 0)."""
-
-    initial: float
-    final: float
-
-    def __call__(self, remaining: float) -> float:
-        return self.final + (self.initial - self.final) * max(remaining, 0.0)
-
-
-def _run(
-    algorithm: HemisphericPPO, config: TrainConfig, folder: RunFolder, timesteps: int, progress: Progress
-) -> Outcome:
-    began = time.monotonic()
-    stop = StopCallback()
-    callbacks = CallbackList(
-        [
-            stop,
-            _ProgressCallback(progress.on_step),
-            MonitorCallback(folder, ENVIRONMENT_IDS.get(config.task, config.task)),
-            EvaluationCallback(folder, config, progress.on_evaluation),
-            CheckpointCallback(
-                config.evaluation.checkpoint_every, lambda step: _save(algorithm, folder, f"step_{step:010d}", RUNNING)
-            ),
-        ]
-    )
-    progress.on_start(algorithm.num_timesteps)
-    algorithm.set_logger(Logger(str(folder.path), [TensorBoardOutputFormat(str(folder.path))]))
-    folder.write_json("status.json", _status(algorithm, RUNNING, folder.status().get("weights")))
-    interrupted = False
-    with stop.on_interrupt(), _closing(algorithm):
-        try:
-            algorithm.learn(timesteps, callback=callbacks, reset_num_timesteps=algorithm.num_timesteps == 0)
-        except KeyboardInterrupt:
-            interrupted = True
-        except ValueError as error:
-            _raise_if_diverged(algorithm, folder, error)
-            raise
-        interrupted |= stop.requested and algorithm.num_timesteps < config.timesteps
-        _save(algorithm, folder, FINAL, INTERRUPTED if interrupted else FINISHED)
-    return Outcome(folder, algorithm.num_timesteps, interrupted, time.monotonic() - began, algorithm.policy)
-
-
-def _raise_if_diverged(algorithm: HemisphericPPO, folder: RunFolder, error: ValueError) -> None:
-    if all(bool(parameter.isfinite().all()) for parameter in algorithm.policy.parameters()):
-        return
-    folder.write_json("status.json", _status(algorithm, FAILED, folder.status().get("weights")))
-    raise UserError(
-        f"The policy diverged after {algorithm.num_timesteps:,} steps; try a smaller ppo.learning_rate. "
-        f"What was saved before is in {folder.path}."
-    ) from error
-
-
-def _save(algorithm: HemisphericPPO, folder: RunFolder, name: str, state: str) -> None:
-    """Weights first, then what belongs to them, then the status that points to them."""
-    folder.save_weights(name, dict(algorithm.policy.state_dict()))
-    folder.save_resume(_resume_tensors(algorithm))
-    folder.write_json("status.json", _status(algorithm, state, name))
-
-
-def _status(algorithm: HemisphericPPO, state: str, weights: str | None) -> dict[str, Any]:
-    status = {"state": state, "timesteps": algorithm.num_timesteps, "updates": algorithm._n_updates}
-    return status | ({"weights": weights} if weights else {})
-
-
-def _resume_tensors(algorithm: HemisphericPPO) -> dict[str, Tensor]:
-    state = algorithm.policy.optimizer.state_dict()["state"]
-    tensors = {f"optimizer.{i}.{key}": torch.as_tensor(v) for i, entry in state.items() for key, v in entry.items()}
-    return tensors | {"torch_random_state": torch.get_rng_state()}
-
-
-def _restore(algorithm: HemisphericPPO, folder: RunFolder) -> None:
-    tensors = folder.load_resume()
-    random_state = tensors.pop("torch_random_state", None)
-    optimizer = algorithm.policy.optimizer
-    n_parameters = sum(len(group["params"]) for group in optimizer.param_groups)
-    state: dict[int, dict[str, Tensor]] = {}
-    for name, tensor in tensors.items():
-        _, _, place = name.partition("optimizer.")
-        index, _, key = place.partition(".")
-        if not index.isdecimal() or int(index) >= n_parameters or not key:
-            raise UserError(f"{folder.path / 'resume.safetensors'} is damaged: it holds an unknown {name!r}.")
-        state.setdefault(int(index), {})[key] = tensor
-    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
-    if random_state is not None:
-        torch.set_rng_state(random_state)
-
-
-@contextlib.contextmanager
-def _closing(algorithm: HemisphericPPO) -> Iterator[None]:
-    try:
-        yield
-    finally:
-        algorithm.logger.close()
-        assert algorithm.env is not None
-        algorithm.env.close()
-
-
-class _ProgressCallback(BaseCallback):
-    def __init__(self, tell: Callable[[int], None]) -> None:
-        super().__init__()
-        self._tell = tell
-
-    def _on_step(self) -> bool:
-        self._tell(self.num_timesteps)
-        return True
+    if isinstance(config, BPTTConfig):
+        return bptt_training.resume(folder, config, progress)
+    assert isinstance(config, RLConfig)
+    return rl_training.resume(folder, config, progress)

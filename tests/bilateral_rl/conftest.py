@@ -2,7 +2,8 @@ import shutil
 
 import pytest
 
-from bilateral_rl.config import TrainConfig, resolve
+from bilateral_rl.config import RLConfig
+from bilateral_rl.resolve import resolve
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.training import train
 
@@ -15,7 +16,7 @@ SMALL = {
 
 
 @pytest.fixture
-def small() -> TrainConfig:
+def small() -> RLConfig:
     return resolve(None, None, [SMALL])
 
 

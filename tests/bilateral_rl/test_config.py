@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config import TrainConfig, from_values, resolve, tuned_defaults
+from bilateral_rl.config import RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.errors import UserError
+from bilateral_rl.resolve import from_values, resolve, tuned_defaults
 from bilateral_rl.settings import load_file, merge, parse_overrides
 
 
@@ -29,13 +30,13 @@ def test_later_layers_win_over_earlier_ones_and_over_the_tuned_defaults():
     tuned = tuned_defaults("ppo", "random_reach")
     config = resolve(None, None, [{"ppo": {"gamma": 0.5, "n_epochs": 3}}, {"ppo": {"gamma": 0.6}}])
     assert (config.ppo.gamma, config.ppo.n_epochs) == (0.6, 3)
-    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", TrainConfig().ppo.learning_rate)
+    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", RLConfig().ppo.learning_rate)
 
 
 def test_tuned_defaults_name_only_settings_that_exist():
     for algo in ALGORITHMS:
         for task in TASKS:
-            from_values(tuned_defaults(algo, task))
+            from_values({"algo": algo} | tuned_defaults(algo, task))
 
 
 def test_a_configuration_survives_yaml_and_json(tmp_path):

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from bilateral_rl.controllers import build_policy
 from bilateral_rl.envs import ArmEnv, TrialSettings
 from bilateral_rl.evaluation import Evaluator, summaries
-from bilateral_rl.training import build_policy
 
 
 @pytest.fixture

@@ -54,7 +54,7 @@ def test_a_run_records_the_versions_that_made_it(run):
 )
 def test_damaged_weights_are_refused(run, content):
     (run.path / "weights" / "final.safetensors").write_bytes(content)
-    from bilateral_rl.training import load_policy
+    from bilateral_rl.controllers import load_policy
 
     with pytest.raises(UserError, match=r"damaged|do not fit"):
         load_policy(run)

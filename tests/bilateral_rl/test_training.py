@@ -10,11 +10,14 @@ from stable_baselines3.common.monitor import load_results
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bilateral_rl.catalogue import MODELS
-from bilateral_rl.config import resolve
+from bilateral_rl.controllers import load_policy
 from bilateral_rl.errors import UserError
+from bilateral_rl.progress import Progress
+from bilateral_rl.resolve import resolve
+from bilateral_rl.rl_training import build_algorithm
 from bilateral_rl.run_folder import find_runs
 from bilateral_rl.settings import merge
-from bilateral_rl.training import Progress, build_algorithm, load_policy, resume, train
+from bilateral_rl.training import resume, train
 
 
 def with_values(config, **values):
@@ -33,7 +36,7 @@ def test_every_model_trains_on_every_task_and_acts_from_its_folder(tmp_path, sma
     outcome = train(config, tmp_path)
     policy = load_policy(outcome.folder)
     observation = np.zeros((3, 16), dtype=np.float32)
-    expected, _ = outcome.policy.predict(observation, deterministic=True)
+    expected, _ = outcome.policies[config.seed].predict(observation, deterministic=True)
     np.testing.assert_array_equal(policy.predict(observation, deterministic=True)[0], expected)
     assert outcome.folder.path == tmp_path / task / f"{model}-ppo-1"
 
@@ -121,7 +124,7 @@ def test_ctrl_c_saves_and_a_resumed_run_goes_on_to_the_end(tmp_path, small):
     resumed = resume(outcome.folder, small, progress)
     assert progress.started == [status["timesteps"]]
     assert progress.steps[0] == status["timesteps"] + small.n_envs
-    assert resumed.timesteps >= 4_000
+    assert resumed.done >= 4_000
     assert outcome.folder.status()["state"] == "finished"
     steps = [int(row["timesteps"]) for row in rows(outcome.folder.path / "evaluations.csv")]
     assert steps == sorted(steps)
@@ -177,7 +180,7 @@ def test_the_default_training_learns_to_reach(tmp_path, seed):
 
     config = resolve(None, None, [{"seed": seed}])
     outcome = train(config, tmp_path)
-    record = Evaluator(config.task, config.trial, 1024, 2_000_000).run(outcome.policy)
+    record = Evaluator(config.task, config.trial, 1024, 2_000_000).run(outcome.policies[config.seed])
     assert record.summary(0.05)["goal_completion_percent"] >= 90
 
 

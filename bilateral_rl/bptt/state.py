@@ -1,0 +1,96 @@
+"""How far a stacked training has come: everything that the rest of it depends on, for every seed."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from enum import IntEnum
+
+import torch
+from torch import Tensor
+
+
+class SeedState(IntEnum):
+    """What a seed is at."""
+
+    TRAINING = 0
+    CONVERGED = 1
+    """Stopped early: its validation loss was no longer getting better."""
+    FAILED = 2
+    """Stopped because its loss was not a number any more."""
+
+
+@dataclass
+class TrainingState:
+    """Of ``S`` seeds with rows of ``width`` parameters each; every field is a tensor, so that it saves as it is."""
+
+    weights: Tensor
+    """(S, width)."""
+    first: Tensor
+    """(S, width), Adam's first moments."""
+    second: Tensor
+    """(S, width), Adam's second moments."""
+    best_weights: Tensor
+    """(S, width), at the best validation loss so far."""
+    best_loss: Tensor
+    """(S,) float64, the best validation loss so far; infinite before the first."""
+    waited: Tensor
+    """(S,) int64, epochs since then."""
+    seed_state: Tensor
+    """(S,) int64, of ``SeedState``."""
+    failed_batch: Tensor
+    """(S,) int64, the batch, from 1, in which a failed seed failed; 0 for others."""
+    history: Tensor
+    """(S, epochs, columns) float64: what each epoch brought; nan where there was none."""
+    epochs: Tensor
+    """(S,) int64, whole epochs of each seed."""
+    updates: Tensor
+    """() int64, updates of every seed that still trains."""
+
+    @classmethod
+    def start(cls, weights: Tensor, n_columns: int) -> TrainingState:
+        """Before the first epoch."""
+        n = len(weights)
+        return cls(
+            weights=weights.clone(),
+            first=torch.zeros_like(weights),
+            second=torch.zeros_like(weights),
+            best_weights=weights.clone(),
+            best_loss=torch.full((n,), torch.inf, dtype=torch.float64),
+            waited=torch.zeros(n, dtype=torch.int64),
+            seed_state=torch.zeros(n, dtype=torch.int64),
+            failed_batch=torch.zeros(n, dtype=torch.int64),
+            history=torch.zeros(n, 0, n_columns, dtype=torch.float64),
+            epochs=torch.zeros(n, dtype=torch.int64),
+            updates=torch.zeros((), dtype=torch.int64),
+        )
+
+    @property
+    def epoch(self) -> int:
+        """Epochs done by the seed that came furthest."""
+        return self.history.shape[1]
+
+    def training(self) -> list[int]:
+        """Indices of the seeds that still train."""
+        return (self.seed_state == SeedState.TRAINING).nonzero().flatten().tolist()
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every field by name."""
+        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, Tensor], n_seeds: int, width: int, n_columns: int) -> TrainingState:
+        """The inverse of :meth:`tensors`. Raises ValueError for what is no state of such a training."""
+        names = [f.name for f in dataclasses.fields(cls)]
+        if sorted(names) != sorted(tensors):
+            raise ValueError(f"it must hold {', '.join(names)}")
+        like = cls.start(torch.zeros(n_seeds, width), n_columns)
+        n_epochs = tensors["history"].shape[1] if tensors["history"].ndim == 3 else 0
+        for name, tensor in like.tensors().items():
+            shape = (n_seeds, n_epochs, n_columns) if name == "history" else tuple(tensor.shape)
+            if tuple(tensors[name].shape) != shape or tensors[name].dtype != tensor.dtype:
+                raise ValueError(f"its {name} is not a {tensor.dtype} tensor of shape {shape}")
+        state = cls(**{name: tensors[name].clone() for name in names})
+        if not state.weights.isfinite().all() or not torch.isin(state.seed_state, torch.tensor(list(SeedState))).all():
+            raise ValueError("its numbers are out of range")
+        return state

@@ -1,0 +1,49 @@
+"""What each seed trains on: its own trials, drawn once, in an order of its own every epoch (paper section 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from bilateral_rl.bptt.rollout import TrialTensors
+from bilateral_rl.envs.arm import Arm
+from bilateral_rl.envs.tasks import Task
+from bilateral_rl.envs.trials import TrialSettings
+
+_WEIGHTS, _TRAINING, _VALIDATION, _ORDER = range(4)
+"""A seed's random streams; none depends on how much of another was used."""
+
+
+def initial_weights_seed(seed: int) -> int:
+    """What to seed torch with before the seed's network is made."""
+    return int(_sequence(seed, _WEIGHTS).generate_state(1, np.uint64)[0] >> 1)
+
+
+def training_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
+    """The ``n`` trials that the seed trains on, each tensor (n, 2)."""
+    return _draw(_sequence(seed, _TRAINING), n, task, settings)
+
+
+def validation_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
+    """The ``n`` trials that decide when the seed stops, each tensor (n, 2)."""
+    return _draw(_sequence(seed, _VALIDATION), n, task, settings)
+
+
+def epoch_order(seed: int, epoch: int, n: int) -> NDArray[np.int64]:
+    """The order of the seed's ``n`` trials in ``epoch``: a function of both, so that a resumed run repeats it."""
+    return np.random.default_rng(_sequence(seed, _ORDER, epoch)).permutation(n)
+
+
+def _sequence(seed: int, *stream: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed, spawn_key=stream)
+
+
+def _draw(sequence: np.random.SeedSequence, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
+    trials = task.trials(np.random.default_rng(sequence).random((n, task.n_uniform)), settings)
+    goal = Arm(settings.arm).rest(torch.from_numpy(trials.goal))
+    return TrialTensors(
+        start=torch.from_numpy(trials.start),
+        target=goal.cartesian[:, :2].clone(),
+        load=torch.from_numpy(trials.load),
+    )

@@ -1,0 +1,194 @@
+"""Trained networks and policies, out of run folders: any seed of any run, whatever trained it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from bilateral_rl.algorithms.routing import stream_mix
+from bilateral_rl.catalogue import find_model
+from bilateral_rl.config import ActorCriticConfig, BPTTConfig, TrainConfig
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.errors import UserError
+from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.run_folder import FINAL, RunFolder, Tensors
+
+SEEDS = "seeds"
+"""In the weights of a stacked run, the tensor (S,) of its seeds; every other tensor has a leading axis of them."""
+_ACTOR = "mlp_extractor.actor."
+"""Where a policy's ``state_dict()`` holds the network."""
+
+
+def parse_run(text: str) -> tuple[RunFolder, int | None]:
+    """The run that RUN or RUN:seed names, and the seed if one is named. Raises UserError for what is no run."""
+    path, colon, seed = text.rpartition(":")
+    if colon and seed.isdecimal() and not Path(text).exists():
+        return RunFolder.open(Path(path)), int(seed)
+    return RunFolder.open(Path(text)), None
+
+
+def seeds_of(config: TrainConfig) -> list[int]:
+    """The seeds that a run of ``config`` trains."""
+    n = config.seeds if isinstance(config, BPTTConfig) else 1
+    return [config.seed + i for i in range(n)]
+
+
+def build_network(config: TrainConfig) -> MotorNetwork:
+    """A fresh network of the run's architecture and sizes, from torch's random state."""
+    low, _ = config.trial.observation_bounds()
+    network = config.network
+    return make_network(find_model(config.model).architecture, len(low), N_MUSCLES, network.units, network.layers)
+
+
+def build_policy(config: TrainConfig) -> BilateralActorCriticPolicy:
+    """An untrained policy of the run's architecture and sizes, on the CPU."""
+    low, high = config.trial.observation_bounds()
+    return BilateralActorCriticPolicy(
+        spaces.Box(low, high),
+        spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
+        lr_schedule=lambda _: 0.0,
+        n_streams=len(stream_mix(find_model(config.model).loss)),
+        **policy_arguments(config),
+    )
+
+
+def policy_arguments(config: TrainConfig) -> dict[str, Any]:
+    """Keyword arguments of the run's policy, but for the number of streams."""
+    network = config.network
+    critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
+    return {
+        "architecture": find_model(config.model).architecture,
+        "units": network.units,
+        "layers": network.layers,
+        "critic_arch": critics.critic_arch,
+        "log_std_init": critics.log_std_init,
+    }
+
+
+def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors]:
+    """The ``state_dict()`` of a run's network by seed. Raises UserError if its weights are missing or do not fit."""
+    config = folder.config()
+    tensors = folder.load_weights(weights)
+    if isinstance(config, BPTTConfig):
+        states = _unstack(tensors, config, folder)
+    else:
+        states = {config.seed: {k.removeprefix(_ACTOR): v for k, v in tensors.items() if k.startswith(_ACTOR)}}
+    network = build_network(config)
+    for state in states.values():
+        _check_fit(network, state, folder)
+    return states
+
+
+def load_policies(
+    folder: RunFolder, weights: str = FINAL, seed: int | None = None
+) -> dict[int, BilateralActorCriticPolicy]:
+    """The policies of a run by seed, ready to act.
+
+    A policy of a supervised run has that run's network and fresh critics.
+
+    Args:
+        folder: the run.
+        weights: which of its weights.
+        seed: the only one wanted; None for all.
+
+    Raises:
+        UserError: weights that are missing, damaged or of another shape, or a seed that the run has not.
+    """
+    config = folder.config()
+    seeds = seeds_of(config)
+    if seed is not None and seed not in seeds:
+        raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(seeds)}.")
+    wanted = seeds if seed is None else [seed]
+    policies = {}
+    states = network_states(folder, weights) if isinstance(config, BPTTConfig) else {}
+    for one in wanted:
+        policy = build_policy(config)
+        if states:
+            policy.actor.load_state_dict(states[one])
+        else:
+            load_policy_weights(policy, folder.load_weights(weights), folder)
+        policy.set_training_mode(False)
+        policies[one] = policy
+    return policies
+
+
+def load_policy(folder: RunFolder, weights: str = FINAL, seed: int | None = None) -> BilateralActorCriticPolicy:
+    """The one policy of a run, or that of ``seed``. Raises UserError as :func:`load_policies`, or if there are more."""
+    policies = load_policies(folder, weights, seed)
+    if len(policies) > 1:
+        raise UserError(
+            f"{folder.path} has {_ranges(list(policies))}: say which one, as {folder.path}:{min(policies)}."
+        )
+    return next(iter(policies.values()))
+
+
+def load_policy_weights(policy: BilateralActorCriticPolicy, tensors: dict[str, Tensor], folder: RunFolder) -> None:
+    """Copy ``tensors`` into ``policy``. Raises UserError where names or shapes do not fit."""
+    _check_fit(policy, tensors, folder)
+    policy.load_state_dict(tensors)
+
+
+def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
+    """The networks that ``config.init_from`` names, for each seed of ``config``; None for fresh ones.
+
+    Every seed begins with the network of the seed that is named, or of the run's only one, or of its own number.
+
+    Raises:
+        UserError: a run, seed or network that does not fit.
+    """
+    if config.init_from is None:
+        return None
+    folder, seed = parse_run(config.init_from)
+    source = folder.config()
+    own, other = find_model(config.model).architecture, find_model(source.model).architecture
+    sizes = [(c.network.units, c.network.layers) for c in (config, source)]
+    if own != other or sizes[0] != sizes[1]:
+        raise UserError(
+            f"{folder.path} holds {other} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and {config.model} "
+            f"here is {own}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from needs the same."
+        )
+    states = network_states(folder)
+    if seed is None and len(states) == 1:
+        (seed,) = states
+    if seed is not None and seed not in states:
+        raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(list(states))}.")
+    missing = [s for s in seeds_of(config) if s not in states]
+    if seed is None and missing:
+        raise UserError(
+            f"{folder.path} has {_ranges(list(states))}, not {missing[0]}: name one, as {folder.path}:{min(states)}."
+        )
+    return {s: states[s if seed is None else seed] for s in seeds_of(config)}
+
+
+def stack_states(states: Mapping[int, Tensors]) -> Tensors:
+    """The weights of a stacked run from the ``state_dict()`` of each seed."""
+    names = next(iter(states.values()))
+    stacked = {name: torch.stack([state[name] for state in states.values()]) for name in names}
+    return {SEEDS: torch.tensor(list(states)), **stacked}
+
+
+def _unstack(tensors: Tensors, config: TrainConfig, folder: RunFolder) -> dict[int, Tensors]:
+    seeds = seeds_of(config)
+    tensors = dict(tensors)
+    stored = tensors.pop(SEEDS, torch.empty(0))
+    if stored.flatten().tolist() != seeds or any(t.ndim < 1 or len(t) != len(seeds) for t in tensors.values()):
+        raise UserError(f"The weights of {folder.path} are not those of its seeds, {_ranges(seeds)}.")
+    return {seed: {name: tensor[i] for name, tensor in tensors.items()} for i, seed in enumerate(seeds)}
+
+
+def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
+    own = module.state_dict()
+    wrong = sorted({*own} ^ {*tensors}) or [name for name in own if own[name].shape != tensors[name].shape]
+    if wrong:
+        raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
+
+
+def _ranges(seeds: list[int]) -> str:
+    """Consecutive seeds in words."""
+    return f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {min(seeds)} to {max(seeds)}"

@@ -1,0 +1,85 @@
+"""How a training tells others where it is, how it is asked to stop, and how it ended."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from types import FrameType
+from typing import Any
+
+import torch
+
+from bilateral_rl.errors import UserError
+from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.run_folder import RunFolder
+
+RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
+"""States of a run."""
+
+
+class Progress:
+    """Who is told how a training comes along; subclass it to watch, or leave it unwatched.
+
+    What is counted is environment steps in reinforcement learning and updates in supervised training.
+    """
+
+    def on_start(self, done: int) -> None:
+        """Training starts with ``done`` of its total done before."""
+
+    def on_step(self, done: int) -> None:
+        """``done`` of its total are done."""
+
+    def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
+        """The controller was evaluated."""
+
+
+UNWATCHED = Progress()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a training ended."""
+
+    folder: RunFolder
+    done: int
+    """Environment steps or updates."""
+    interrupted: bool
+    seconds: float
+    policies: dict[int, BilateralActorCriticPolicy]
+    """What was trained, by seed."""
+    notes: list[str] = field(default_factory=list)
+    """What a person should know of it."""
+
+
+class StopRequest:
+    """Whether somebody pressed Ctrl-C."""
+
+    def __init__(self) -> None:
+        self.requested = False
+
+    @contextlib.contextmanager
+    def on_interrupt(self) -> Iterator[None]:
+        """A context in which the first Ctrl-C requests the stop and the second raises KeyboardInterrupt."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def request(number: int, frame: FrameType | None) -> Any:
+            if self.requested:
+                raise KeyboardInterrupt
+            self.requested = True
+
+        before = signal.signal(signal.SIGINT, request)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+def check_device(device: str) -> None:
+    """Raise a UserError if ``device`` is not there."""
+    if device.startswith("cuda") and not torch.cuda.is_available():
+        raise UserError("There is no CUDA device here; use --device cpu.")

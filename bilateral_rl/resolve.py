@@ -1,0 +1,60 @@
+"""From what a user gives to a whole configuration: tuned defaults as data, layers over them, and a check."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.resources
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from bilateral_rl.catalogue import check_names
+from bilateral_rl.config import BPTTConfig, RLConfig, TrainConfig, config_class
+from bilateral_rl.config_checks import check
+from bilateral_rl.errors import UserError
+from bilateral_rl.settings import Values, build, merge
+
+
+def resolve(
+    algo: str | None, task: str | None, layers: Sequence[Mapping[str, Any]] = (), model: str | None = None
+) -> TrainConfig:
+    """Build the configuration: the tuned defaults of the algorithm and task, then each of ``layers`` over it.
+
+    Args:
+        algo: an algorithm, or None for what the layers say.
+        task: a task, or None likewise.
+        layers: nested dictionaries, later ones win.
+        model: a model, or None likewise.
+
+    Raises:
+        UserError: an unknown name or key, a value of the wrong type, or a number that cannot work.
+    """
+    values: Values = {}
+    for layer in layers:
+        values = merge(values, layer)
+    values |= {k: v for k, v in (("algo", algo), ("task", task), ("model", model)) if v is not None}
+    names = {name: values.get(name, getattr(TrainConfig, name)) for name in ("algo", "model", "task")}
+    check_names(**{name: str(value) for name, value in names.items()})
+    config = from_values(merge(tuned_defaults(names["algo"], names["task"]), values))
+    check(config)
+    return config
+
+
+def tuned_defaults(algo: str, task: str) -> Values:
+    """What ``defaults.yaml`` holds for an algorithm and a task."""
+    text = importlib.resources.files("bilateral_rl").joinpath("defaults.yaml").read_text(encoding="utf-8")
+    table: Values = yaml.safe_load(text).get(algo, {})
+    return merge(table.get("any_task") or {}, table.get(task) or {})
+
+
+def from_values(values: Mapping[str, Any]) -> TrainConfig:
+    """The inverse of :meth:`TrainConfig.to_values`. Raises UserError for unknown keys and wrong types."""
+    cls = config_class(values.get("algo", TrainConfig.algo))
+    for name in values:
+        others = {f.name for c in (RLConfig, BPTTConfig) for f in dataclasses.fields(c)}
+        if name in others - {f.name for f in dataclasses.fields(cls)}:
+            raise UserError(f"{name} is no setting of --algo {values.get('algo', TrainConfig.algo)}; leave it out.")
+    config = build(cls, values)
+    assert isinstance(config, TrainConfig)
+    return config
