@@ -18,7 +18,7 @@ from rich.table import Table
 from bilateral_rl import settings, training
 from bilateral_rl.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
 from bilateral_rl.config import BPTTConfig, TrainConfig
-from bilateral_rl.controllers import load_policies, parse_run
+from bilateral_rl.controllers import initial_states, load_policies, parse_run
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord, summaries
 from bilateral_rl.progress import Outcome, Progress, check_device
@@ -46,6 +46,7 @@ def train(
     layers += [settings.parse_overrides(overrides), _nested(flags)]
     config = resolve(algo, task, layers, model=model)
     check_device(config.device)
+    initial_states(config)  # refused before anything is announced
     _report_training(config, console, lambda progress: training.train(config, out, progress))
 
 

@@ -118,13 +118,26 @@ def load_policies(
     return policies
 
 
-def load_policy(folder: RunFolder, weights: str = FINAL, seed: int | None = None) -> BilateralActorCriticPolicy:
-    """The one policy of a run, or that of ``seed``. Raises UserError as :func:`load_policies`, or if there are more."""
-    policies = load_policies(folder, weights, seed)
+def load_policy(
+    run: RunFolder | str | Path, weights: str = FINAL, seed: int | None = None
+) -> BilateralActorCriticPolicy:
+    """The one policy of a run, or that of one of its seeds.
+
+    Args:
+        run: the run, or RUN or RUN:seed as in commands.
+        weights: which of its weights.
+        seed: the one wanted of several.
+
+    Raises:
+        UserError: as :func:`load_policies`, or if there are several and none is named.
+    """
+    if not isinstance(run, RunFolder):
+        run, named = parse_run(str(run))
+        seed = named if seed is None else seed
+    policies = load_policies(run, weights, seed)
     if len(policies) > 1:
-        raise UserError(
-            f"{folder.path} has {_ranges(list(policies))}: say which one, as {folder.path}:{min(policies)}."
-        )
+        seeds = _ranges(list(policies))
+        raise UserError(f"{run.path} has {seeds}: say which one, as {run.path}:{min(policies)}.")
     return next(iter(policies.values()))
 
 

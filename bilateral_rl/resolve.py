@@ -50,11 +50,18 @@ def tuned_defaults(algo: str, task: str) -> Values:
 
 def from_values(values: Mapping[str, Any]) -> TrainConfig:
     """The inverse of :meth:`TrainConfig.to_values`. Raises UserError for unknown keys and wrong types."""
-    cls = config_class(values.get("algo", TrainConfig.algo))
-    for name in values:
-        others = {f.name for c in (RLConfig, BPTTConfig) for f in dataclasses.fields(c)}
-        if name in others - {f.name for f in dataclasses.fields(cls)}:
-            raise UserError(f"{name} is no setting of --algo {values.get('algo', TrainConfig.algo)}; leave it out.")
+    algo = values.get("algo", TrainConfig.algo)
+    cls = config_class(algo)
+    own, others = (_names(c) for c in (cls, RLConfig if cls is BPTTConfig else BPTTConfig))
+    foreign = [name for name in values if name in others - own]
+    if foreign:
+        raise UserError(
+            f"{foreign[0]} is a setting of another algorithm than {algo}; leave it out or choose the --algo."
+        )
     config = build(cls, values)
     assert isinstance(config, TrainConfig)
     return config
+
+
+def _names(cls: type[TrainConfig]) -> set[str]:
+    return {f.name for f in dataclasses.fields(cls)}

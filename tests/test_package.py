@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import bilateral_rl
+from bilateral_rl.resolve import resolve
+from bilateral_rl.training import train
 
 ROOT = Path(__file__).parents[1]
 
@@ -55,10 +57,13 @@ def test_start_up_is_silent():
     assert (done.stdout, done.stderr) == ("", "")
 
 
-@pytest.mark.parametrize("number", range(2))
+@pytest.mark.parametrize("number", range(3))
 def test_the_readmes_scripts_run(number, tmp_path):
     scripts = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(scripts) == 2
+    assert len(scripts) == 3
+    if "cc_s-bptt-1" in scripts[number]:
+        few = {"trials": 32, "batch_size": 16, "validation_trials": 4}
+        train(resolve("bptt", None, [{"seeds": 4, "epochs": 1, "bptt": few}]), tmp_path / "runs")
     script = re.sub(r"learn\(([\d_]+)", "learn(2_000", scripts[number])
     subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path, capture_output=True, text=True)
 

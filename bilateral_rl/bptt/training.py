@@ -132,7 +132,7 @@ class _Run:
         for i, seed in enumerate(self._seeds):
             entry: dict[str, Any] = {
                 "seed": seed,
-                "state": SeedState(int(state.seed_state[i])).name.lower(),
+                "state": _seed_state(SeedState(int(state.seed_state[i])), run_state),
                 "epochs": int(state.epochs[i]),
             }
             if state.best_loss[i].isfinite():
@@ -183,6 +183,13 @@ class _Run:
             policies[seed].actor.load_state_dict(state)
             policies[seed].set_training_mode(False)
         return policies
+
+
+def _seed_state(state: SeedState, run_state: str) -> str:
+    """A seed's state in words."""
+    if state == SeedState.TRAINING:
+        return {FINISHED: "all epochs done", INTERRUPTED: "interrupted"}.get(run_state, "training")
+    return state.name.lower()
 
 
 class _Tensorboard:

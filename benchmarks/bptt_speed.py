@@ -1,0 +1,109 @@
+"""Milliseconds of a BPTT update, 64 trials of 50 steps, stacked and alone, and against MotorNet's PyTorch arm."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable
+
+import motornet
+import torch
+from torch import Tensor
+
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.bptt.state import TrainingState
+from bilateral_rl.bptt.trainer import Trainer, history_columns
+from bilateral_rl.config import BPTTConfig
+from bilateral_rl.controllers import build_network
+from bilateral_rl.resolve import resolve
+
+TRIALS, STEPS = 64, 50
+CASES = [("cc_s", 10), ("cc_ns", 10), ("cc_s", 1), ("cc_ns", 1), ("uni_dl", 10)]
+
+
+def ours(model: str, seeds: int) -> Callable[[], float]:
+    """A function that runs an epoch, validation included, and gives the milliseconds of an update of one seed."""
+    config = resolve("bptt", "random_reach", [{"seeds": seeds}], model=model)
+    assert isinstance(config, BPTTConfig)
+    networks = [build_network(config) for _ in range(seeds)]
+    layout = Layout(networks[0])
+    state = TrainingState.start(layout.pack([n.state_dict() for n in networks]), len(history_columns(config, layout)))
+    trainer = Trainer(config, layout, state)
+    state.best_loss[:] = -torch.inf  # nobody shall stop while we look on the clock
+
+    def measure() -> float:
+        state.waited[:] = -1_000_000
+        began = time.perf_counter()
+        trainer.run_epoch()
+        return (time.perf_counter() - began) * 1e3 / trainer.updates_per_epoch / seeds
+
+    return measure
+
+
+def on_motornet(model: str, threads: int) -> Callable[[], float]:
+    """A function that makes updates of the same network by torch on MotorNet's own arm, the combined loss."""
+    config = resolve("bptt", "random_reach", model=model)
+    network = build_network(config)
+    muscle = motornet.muscle.RigidTendonHillMuscle()
+    arm = motornet.effector.RigidTendonArm26(muscle, muscle_kwargs={"normalized_slack_muscle_length": 1.0})
+    optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
+    optimal = arm.muscle.l0_ce[0, 0]
+    upper = torch.deg2rad(torch.tensor([135.0, 155.0]))
+
+    def reset(posture: Tensor) -> None:
+        joint = torch.cat([posture, torch.zeros_like(posture)], dim=1)
+        arm.reset(options={"batch_size": TRIALS, "joint_state": joint})
+
+    def update() -> None:
+        reset(torch.rand(TRIALS, 2) * upper)
+        target = arm.states["cartesian"][:, :2].clone()
+        reset(torch.rand(TRIALS, 2) * upper)
+        loss = torch.zeros(())
+        for _ in range(STEPS):
+            muscle_state = arm.states["muscle"]
+            seen = [muscle_state[:, 1] / optimal, muscle_state[:, 2] / (10 * optimal), arm.states["cartesian"][:, :2]]
+            excitation = network.excitation(torch.cat([*seen, target], dim=1))
+            arm.step(excitation)
+            error = arm.states["cartesian"][:, :2] - target
+            loss = loss + 2.5 * error.abs().mean() + 25 * error.square().mean() + excitation.square().mean()
+        optimizer.zero_grad()
+        (loss / STEPS).backward()
+        for parameter in network.parameters():
+            torch.nn.utils.clip_grad_norm_([parameter], 1.0)
+        optimizer.step()
+        network.constrain()
+
+    def measure(updates: int = 8) -> float:
+        torch.set_num_threads(threads)
+        began = time.perf_counter()
+        for _ in range(updates):
+            update()
+        elapsed = (time.perf_counter() - began) * 1e3 / updates
+        torch.set_num_threads(1)
+        return elapsed
+
+    return measure
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--rounds", type=int, default=5)
+    arguments = parser.parse_args()
+    measures = {f"{model}, {seeds} seed(s)": ours(model, seeds) for model, seeds in CASES}
+    baselines = []
+    for threads in sorted({1, os.cpu_count() or 1}):
+        baselines.append(f"cc_ns on MotorNet's arm, 1 seed, {threads} torch thread(s)")
+        measures[baselines[-1]] = on_motornet("cc_ns", threads)
+    for measure in measures.values():
+        measure()  # compiles, and fills the caches
+    times: dict[str, list[float]] = {name: [] for name in measures}
+    for _ in range(arguments.rounds):
+        for name, measure in measures.items():
+            times[name].append(measure())
+    for name, values in times.items():
+        print(f"{name}: {statistics.median(values):.2f} ms an update and seed ({min(values):.2f} to {max(values):.2f})")
+    fastest = min(baselines, key=lambda name: statistics.median(times[name]))
+    ratios = [a / b for a, b in zip(times[fastest], times["cc_ns, 1 seed(s)"], strict=True)]
+    print(f"MotorNet's arm over ours, cc_ns, 1 seed: {statistics.median(ratios):.0f} times (median; its faster way)")
