@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -40,6 +41,13 @@ class Variable:
         return self.name.startswith("combination")
 
 
+class Region(NamedTuple):
+    """Variables that lie side by side and are used as one array of ``shape``, in the row from ``offset`` on."""
+
+    offset: int
+    shape: tuple[int, ...]
+
+
 class Layout:
     """The flat row of a network: layer by layer, side by side, each kernel followed by its bias.
 
@@ -48,6 +56,9 @@ class Layout:
 
     Attributes:
         variables: in the order of the row; each is clipped by itself.
+        regions: the row as kernels and gradients see it: ``first`` (sides, n_inputs + 1, width), ``hidden``
+            ((layers - 1) · sides, width + 1, width), ``combination`` (2,) or (0,), ``output`` (width + 1, n_outputs);
+            a layer's last row is its bias.
         width: numbers in a row, the last few unused.
     """
 
@@ -68,10 +79,12 @@ class Layout:
         if sizes:
             raise ValueError(f"parameters without a place: {', '.join(sizes)}.")
         self.width = math.ceil(offset / _ALIGNMENT) * _ALIGNMENT
+        self.regions = self._regions()
 
-    def offset(self, name: str) -> int:
-        """Where the variable called ``name`` begins."""
-        return next(v.offset for v in self.variables if v.name == name)
+    def region(self, rows: Tensor, name: str) -> Tensor:
+        """A view (…, *shape) of one of ``regions`` in every row of ``rows`` (…, width)."""
+        offset, shape = self.regions[name]
+        return rows[..., offset : offset + math.prod(shape)].view(*rows.shape[:-1], *shape)
 
     def pack(self, states: Sequence[Mapping[str, Tensor]]) -> Tensor:
         """(S, width): the rows of networks with these ``state_dict()``."""
@@ -89,3 +102,17 @@ class Layout:
             else rows[:, v.offset : v.offset + v.size].reshape(-1, *v.shape).clone()
             for v in self.variables
         }
+
+    def _regions(self) -> dict[str, Region]:
+        n_inputs, n_outputs, width, layers, sides, _ = self.shape
+        shapes: dict[str, tuple[int, ...]] = {
+            "first": (sides, n_inputs + 1, width),
+            "hidden": ((layers - 1) * sides, width + 1, width),
+            "combination": (2 if sides == 2 else 0,),
+            "output": (width + 1, n_outputs),
+        }
+        regions, offset = {}, 0
+        for name, shape in shapes.items():
+            regions[name] = Region(offset, shape)
+            offset += math.prod(shape)
+        return regions

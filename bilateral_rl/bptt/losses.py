@@ -70,13 +70,13 @@ class StreamLosses:
         means = torch.stack([terms.flatten(0, 1).mean(0, dtype=torch.float64) for terms in rollout.terms])
         values = self.term_weights.to(means) @ means.t()
         if self._has_penalty:
-            penalties = torch.stack([self._penalty(rollout, s) for s in range(rollout.n_networks)])
+            penalties = torch.stack([self._penalty(rollout, s) for s in range(rollout.size.n_networks)])
             values = values + torch.outer(values.new_tensor(self.penalty_weights), penalties)
         return values
 
     def gradient(self, rollout: Rollout) -> Tensor:
         """(streams, S, width): their gradients, but for the share of ``weight_decay``."""
-        samples = rollout.n_trials * rollout.n_steps
+        samples = rollout.size.n_trials * rollout.size.n_steps
         return rollout.backward(self.term_weights / samples, self._seeds(rollout))
 
     def _penalty(self, rollout: Rollout, s: int) -> Tensor:
@@ -106,7 +106,7 @@ class StreamLosses:
             return TrajectoryGradients()
         per_network = [
             [_size_and_rate_gradient(x, self._arm.timestep) for x in self._penalized(rollout, s)]
-            for s in range(rollout.n_networks)
+            for s in range(rollout.size.n_networks)
         ]
         parts = [torch.stack(part) for part in zip(*per_network, strict=True)]
         scales = rollout.terms.new_tensor(self.penalty_weights) * self.coefficient

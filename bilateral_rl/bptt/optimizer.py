@@ -48,7 +48,7 @@ class StackedAdam:
         self.learning_rate, self.epsilon, self.clip_norm, self.step_count = learning_rate, epsilon, clip_norm, step
         self.first, self.second, self.routed = (torch.zeros_like(rollout.weights) for _ in range(3))
         variables = self._layout.variables
-        self.norms = rollout.weights.new_zeros(rollout.n_networks, len(variables))
+        self.norms = rollout.weights.new_zeros(rollout.size.n_networks, len(variables))
         group_shares = shares(loss)
         self._shares = rollout.weights.new_tensor(
             [[group_shares[v.group][stream] for v in variables] for stream in range(losses.n_streams)]
@@ -70,8 +70,7 @@ class StackedAdam:
     def step(self, moves: Tensor | None = None) -> None:
         """Move the networks by the last :meth:`gradient`; only those that ``moves`` (S,) bool names, if given."""
         self.step_count += 1
-        if moves is not None:
-            self._trains[:] = moves.to(self._trains)[:, None]
+        self._trains[:] = 1 if moves is None else moves.to(self._trains)[:, None]
         correction = math.sqrt(1.0 - BETA_2**self.step_count) / (1.0 - BETA_1**self.step_count)
         self._launch(
             self._kernels.adam,

@@ -17,6 +17,7 @@ BETA_1, BETA_2 = 0.9, 0.999
 @functools.cache
 def optimizer_kernels(real: Any) -> SimpleNamespace:
     """The kernels ``route`` and ``adam`` in precision ``real``, for (networks, variables) threads."""
+    new_1, new_2 = real(1.0 - BETA_1), real(1.0 - BETA_2)  # a plain number would be rounded to single precision
 
     @wp.kernel(module="unique", enable_backward=False)
     def route(
@@ -62,8 +63,8 @@ def optimizer_kernels(real: Any) -> SimpleNamespace:
         norm = wp.max(norms[s, v], clip_norm)
         for i in range(offsets[v], offsets[v + 1]):
             clipped = routed[s, i] * clip_norm / norm
-            first[s, i] = first[s, i] + (clipped - first[s, i]) * real(1.0 - BETA_1)
-            second[s, i] = second[s, i] + (clipped * clipped - second[s, i]) * real(1.0 - BETA_2)
+            first[s, i] = first[s, i] + (clipped - first[s, i]) * new_1
+            second[s, i] = second[s, i] + (clipped * clipped - second[s, i]) * new_2
             moved = weights[s, i] - rate * first[s, i] / (wp.sqrt(second[s, i]) + epsilon)
             if non_negative[v] != 0:
                 moved = wp.max(moved, real(0.0))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
+import dataclasses
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,11 @@ from bilateral_rl.algorithms.routing import stream_names
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
-from bilateral_rl.bptt.rollout import Rollout, TrialTensors
+from bilateral_rl.bptt.rollout import Rollout
+from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trials import epoch_order, training_trials, validation_trials
+from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.catalogue import find_model
 from bilateral_rl.config import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
@@ -61,7 +62,8 @@ class Trainer:
         self._validation = _stacked(
             [validation_trials(s, settings.validation_trials, task, config.trial) for s in seeds], device
         )
-        self._pool, self._n_threads = _thread_pool(config)
+        torch.set_num_threads(1)
+        self._workers = Workers(config.threads if config.device == "cpu" else 1)
         self._stack: _Stack | None = None
 
     @property
@@ -95,8 +97,7 @@ class Trainer:
 
     def close(self) -> None:
         """Let the threads go."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._workers.close()
 
     def _make_stack(self) -> _Stack:
         config, state, seeds = self.config, self.state, self.state.training()
@@ -121,19 +122,15 @@ class Trainer:
         return _Stack(seeds, rollout, losses, optimizer)
 
     def _rollout(self, n_networks: int, n_trials: int, losses: StreamLosses | None = None) -> Rollout:
-        return Rollout(
-            self.layout,
-            self.config.trial.arm,
-            n_networks,
-            n_trials,
-            self.config.trial.trial_length,
-            n_streams=losses.n_streams if losses else 0,
-            watches_state=losses.watches_state if losses else False,
-            watches_activity=losses.watches_activity if losses else False,
-            device=self.config.device,
-            pool=self._pool,
-            n_threads=self._n_threads,
-        )
+        size = RolloutSize(n_networks, n_trials, self.config.trial.trial_length)
+        if losses:
+            size = dataclasses.replace(
+                size,
+                n_streams=losses.n_streams,
+                watches_state=losses.watches_state,
+                watches_activity=losses.watches_activity,
+            )
+        return Rollout(self.layout, self.config.trial.arm, size, device=self.config.device, workers=self._workers)
 
     def _update(self, stack: _Stack, goes_on: Callable[[int], bool]) -> tuple[Tensor | None, dict[int, int]]:
         """Every update of an epoch: mean losses and gradient norms (S, …), and the batch of each seed that failed.
@@ -245,12 +242,3 @@ def history_columns(config: BPTTConfig, layout: Layout) -> list[str]:
 
 def _stacked(trials: list[TrialTensors], device: str) -> TrialTensors:
     return TrialTensors(*(torch.stack(parts).to(device) for parts in zip(*trials, strict=True)))
-
-
-def _thread_pool(config: BPTTConfig) -> tuple[ThreadPoolExecutor | None, int]:
-    """Threads that share the work of a rollout on the CPU; torch itself uses one in each, for the same bits always."""
-    torch.set_num_threads(1)
-    n_threads = config.threads or len(os.sched_getaffinity(0))
-    if n_threads == 1 or config.device != "cpu":
-        return None, 1
-    return ThreadPoolExecutor(n_threads, initializer=torch.set_num_threads, initargs=(1,)), n_threads

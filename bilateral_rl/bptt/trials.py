@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from bilateral_rl.bptt.rollout import TrialTensors
+from bilateral_rl.bptt.rollout_arrays import TrialTensors
 from bilateral_rl.envs.arm import Arm
 from bilateral_rl.envs.tasks import Task
 from bilateral_rl.envs.trials import TrialSettings

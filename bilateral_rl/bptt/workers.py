@@ -1,0 +1,47 @@
+"""Threads that share the work of a rollout."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import torch
+
+
+class Workers:
+    """``n`` threads, each with one thread of torch's, so that the same bits come out however many there are.
+
+    Kernels and matrix products leave Python's lock, so that threads run side by side.
+
+    Args:
+        n: how many; 1 is the calling one, 0 as many as there are CPUs for this process.
+    """
+
+    def __init__(self, n: int = 1) -> None:
+        self.n = n or len(os.sched_getaffinity(0))
+        self._pool: ThreadPoolExecutor | None = None
+        if self.n > 1:
+            self._pool = ThreadPoolExecutor(self.n, initializer=torch.set_num_threads, initargs=(1,))
+
+    def parts(self, n: int) -> list[range]:
+        """``range(n)`` cut into a part of nearly equal size for each thread."""
+        parts = min(n, self.n)
+        bounds = [n * i // parts for i in range(parts + 1)]
+        return [range(a, b) for a, b in itertools.pairwise(bounds)]
+
+    def share(self, jobs: list[Callable[[], Any]]) -> None:
+        """Do every job, and wait for all."""
+        if self._pool is None:
+            for job in jobs:
+                job()
+        else:
+            for done in [self._pool.submit(job) for job in jobs]:
+                done.result()
+
+    def close(self) -> None:
+        """Let the threads go."""
+        if self._pool is not None:
+            self._pool.shutdown()

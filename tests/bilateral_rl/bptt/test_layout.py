@@ -1,0 +1,131 @@
+"""Where parameters lie in a row: nothing is lost, nothing overlaps, everything comes back."""
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.policies import ARCHITECTURES, make_network
+
+fast = settings(max_examples=40, deadline=None)
+
+
+@st.composite
+def networks(draw):
+    """A network of any architecture and size."""
+    architecture = draw(st.sampled_from(list(ARCHITECTURES)))
+    units, layers = draw(st.integers(1, 24)), draw(st.integers(1, 5))
+    if architecture == "bilateral":
+        units = 2 * units
+    if architecture == "callosal":
+        units, layers = 2 * units + 2, layers + 1
+    return make_network(architecture, draw(st.integers(1, 20)), draw(st.integers(1, 8)), units, layers)
+
+
+def states_of(network, n, seed):
+    """The state of ``n`` such networks with random parameters."""
+    generator = torch.Generator().manual_seed(seed)
+    return [
+        {name: torch.randn(value.shape, generator=generator) for name, value in network.state_dict().items()}
+        for _ in range(n)
+    ]
+
+
+@fast
+@given(network=networks(), n=st.integers(1, 4), seed=st.integers(0, 100))
+def test_unpacking_gives_back_what_was_packed(network, n, seed):
+    layout, states = Layout(network), states_of(network, n, seed)
+    rows = layout.pack(states)
+    assert rows.shape == (n, layout.width)
+    unpacked = layout.unpack(rows)
+    assert set(unpacked) == set(network.state_dict())
+    for name, stacked in unpacked.items():
+        assert torch.equal(stacked, torch.stack([state[name] for state in states])), name
+
+
+@fast
+@given(network=networks())
+def test_every_parameter_has_a_place_of_its_own_and_rows_have_nothing_but_them_and_padding(network):
+    layout = Layout(network)
+    counted = torch.zeros(layout.width)
+    for v in layout.variables:
+        assert v.size == network.get_parameter(v.name).numel()
+        counted[v.offset : v.offset + v.size] += 1
+    n = sum(parameter.numel() for parameter in network.parameters())
+    assert sorted(v.name for v in layout.variables) == sorted(name for name, _ in network.named_parameters())
+    assert (counted[:n] == 1).all()
+    assert (counted[n:] == 0).all()
+
+
+@fast
+@given(network=networks())
+def test_variables_lie_one_after_the_other(network):
+    """What goes through variables by their ends needs it."""
+    offset = 0
+    for v in Layout(network).variables:
+        assert v.offset == offset
+        offset += v.size
+
+
+@fast
+@given(network=networks())
+def test_groups_are_the_networks(network):
+    layout = Layout(network)
+    for group, parameters in network.parameter_groups().items():
+        places = [v.name for v in layout.variables if v.group == group]
+        assert {id(network.get_parameter(name)) for name in places} == {id(parameter) for parameter in parameters}
+
+
+@fast
+@given(network=networks())
+def test_rows_are_the_shortest_multiple_of_sixteen_that_holds_the_parameters(network):
+    n = sum(parameter.numel() for parameter in network.parameters())
+    width = Layout(network).width
+    assert width % 16 == 0
+    assert n <= width < n + 16
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
+def test_kernels_are_transposed_and_followed_by_their_bias(architecture):
+    network = make_network(architecture, n_inputs=3, n_outputs=2, units=8, layers=2)
+    layout, (state,) = Layout(network), states_of(network, 1, seed=0)
+    row = layout.pack([state])[0]
+    for name, kernel in state.items():
+        if not name.endswith("weight"):
+            continue
+        bias = state[name.replace("weight", "bias")]
+        offset = next(v.offset for v in layout.variables if v.name == name)
+        expected = [kernel[unit, i] for i in range(kernel.shape[1]) for unit in range(kernel.shape[0])] + list(bias)
+        assert torch.equal(row[offset : offset + len(expected)], torch.stack(expected)), name
+
+
+@pytest.mark.parametrize("architecture", ARCHITECTURES)
+def test_only_the_combination_weights_are_kept_from_going_negative(architecture):
+    network = make_network(architecture, n_inputs=16, n_outputs=6)
+    kept = {v.name for v in Layout(network).variables if v.non_negative}
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.fill_(-1.0)
+    network.constrain()
+    assert kept == {name for name, parameter in network.named_parameters() if (parameter == 0).all()}
+
+
+def test_packing_and_unpacking_copy():
+    network = make_network("callosal", n_inputs=16, n_outputs=6)
+    layout = Layout(network)
+    rows = layout.pack([network.state_dict()])
+    before = rows.clone()
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.add_(1.0)
+    for stacked in layout.unpack(rows).values():
+        stacked.add_(1.0)
+    assert torch.equal(rows, before)
+
+
+def test_a_parameter_without_a_place_is_refused():
+    network = make_network("unilateral", n_inputs=16, n_outputs=6)
+    network.gain = torch.nn.Parameter(torch.ones(3))
+    with pytest.raises(ValueError, match="without a place: gain"):
+        Layout(network)

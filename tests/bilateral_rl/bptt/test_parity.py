@@ -1,0 +1,150 @@
+"""Rollouts, losses, gradients and updates are the released code's, for its seven models on both tasks.
+
+``tests/data/train_*.npz`` holds its numbers: TensorFlow, float32, profile ``released``; its left is our dominant side.
+"""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.bptt.losses import StreamLosses
+from bilateral_rl.bptt.optimizer import StackedAdam
+from bilateral_rl.bptt.rollout import Rollout
+from bilateral_rl.bptt.rollout_arrays import RolloutSize
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.envs import ArmParameters
+from bilateral_rl.policies import make_network
+
+DATA = Path(__file__).parents[2] / "data"
+TASKS = ("reach", "hold")
+BATCH, UPDATES = 64, 10
+STREAMS = {1: ["loss"], 2: ["dominant", "nondominant"]}
+# Largest difference of a row of the muscle state: activation, length, velocity, the three curves, force (N).
+MUSCLE_BOUNDS = [3e-6, 2e-6, 2e-5, 1e-5, 3e-5, 2e-5, 0.03]
+
+
+def released_name(name):
+    """The released code's name of our parameter ``name``, but for what stands before it."""
+    combination = {"combination_dominant": "wtAdd_w1", "combination_non_dominant": "wtAdd_w2"}
+    if name in combination:
+        return combination[name]
+    *module, kind = name.split(".")
+    layers = {
+        "output": "output_layer",
+        "hidden": f"hidden_layer_{module[-1]}",
+        "dominant": f"hidden_l_{module[-1]}",
+        "non_dominant": f"hidden_r_{module[-1]}",
+    }
+    return f"{layers[module[0]]}/{'kernel' if kind == 'weight' else 'bias'}"
+
+
+def under(reference, prefix):
+    """The reference's arrays under ``prefix`` by the rest of their names."""
+    return {key.removeprefix(prefix): array for key, array in reference.items() if key.startswith(prefix)}
+
+
+def variables(reference, prefix, layout):
+    """The reference's arrays under ``prefix`` by our names; every one of them must find its place."""
+    found = {key.removeprefix("RNN/network/"): array for key, array in under(reference, prefix).items()}
+    arrays = {v.name: found.pop(released_name(v.name)) for v in layout.variables}
+    assert not found
+    for v in layout.variables:
+        assert arrays[v.name].shape == v.shape
+    return arrays
+
+
+def by_name(layout, row):
+    """The variables in ``row`` (width,)."""
+    return {v.name: row[v.offset : v.offset + v.size].reshape(v.shape).numpy().copy() for v in layout.variables}
+
+
+@pytest.fixture(scope="module", params=[f"{model}_{task}" for model in MODELS for task in TASKS])
+def trained(request):
+    """Ten updates of a model from the reference's first weights on its batches: what it did, and the reference."""
+    with np.load(DATA / f"train_{request.param}.npz") as data:
+        reference = dict(data)
+    model, arm = MODELS[request.param.rsplit("_", 1)[0]], ArmParameters()
+    layout = Layout(make_network(model.architecture, n_inputs=16, n_outputs=6))
+    losses = StreamLosses(model.loss, "released", 0.01, layout, arm)
+    size = RolloutSize(1, BATCH, 50, losses.n_streams, losses.watches_state, losses.watches_activity)
+    rollout = Rollout(layout, arm, size)
+    optimizer = StackedAdam(rollout, losses, model.loss, learning_rate=1e-3, epsilon=1e-7, clip_norm=1.0)
+    first = variables(reference, "weight0/", layout)
+    rollout.weights.copy_(layout.pack([{name: torch.tensor(value.T) for name, value in first.items()}]))
+
+    result = SimpleNamespace(reference=reference, layout=layout, weights={})
+    for update in range(1, UPDATES + 1):
+        batch = slice(BATCH * (update - 1), BATCH * update)
+        for own, name in zip(rollout.trials, ("initial_joint", "target", "load"), strict=True):
+            own[0] = torch.tensor(reference[name][batch, :2])
+        rollout.forward()
+        values = losses.values(rollout)
+        optimizer.gradient()
+        if update == 1:
+            result.losses = dict(zip(STREAMS[losses.n_streams], values[:, 0].tolist(), strict=True))
+            result.gradients = dict(zip(STREAMS[losses.n_streams], rollout.gradient[:, 0].clone(), strict=True))
+            result.path = {
+                name: getattr(rollout, name)[0].numpy().copy() for name in ("joint", "hand", "excitation", "muscle")
+            }
+        optimizer.step()
+        result.weights[update] = by_name(layout, rollout.weights[0])
+    return result
+
+
+def test_every_file_of_the_reference_is_compared():
+    names = {f"train_{model}_{task}.npz" for model in MODELS for task in TASKS}
+    assert {path.name for path in DATA.glob("train_*.npz")} == names
+
+
+def largest_difference(values, reference):
+    assert values.shape == reference.shape
+    return np.abs(values - reference).max()
+
+
+def test_the_hand_takes_the_references_path(trained):
+    assert largest_difference(trained.path["hand"], trained.reference["first_batch/cartesian"]) <= 1e-4
+
+
+def test_the_joints_move_as_the_references(trained):
+    joint, reference = trained.path["joint"], trained.reference["first_batch/joint"]
+    assert (trained.reference["initial_joint"][:, 2:] == 0).all()
+    assert largest_difference(joint[..., :2], reference[..., :2]) <= 1e-4
+    assert largest_difference(joint[..., 2:], reference[..., 2:]) <= 1e-3
+
+
+def test_excitations_are_the_references(trained):
+    assert largest_difference(trained.path["excitation"], trained.reference["first_batch/excitation"]) <= 2e-5
+
+
+def test_muscle_states_are_the_references(trained):
+    reference = trained.reference["first_batch/muscle"]
+    muscle = trained.path["muscle"][: len(reference)]
+    differences = [largest_difference(muscle[..., row, :], reference[..., row, :]) for row in range(7)]
+    assert all(difference <= bound for difference, bound in zip(differences, MUSCLE_BOUNDS, strict=True)), differences
+
+
+def test_losses_are_the_references(trained):
+    reference = under(trained.reference, "first_batch/loss/")
+    assert set(reference) == set(trained.losses)
+    for stream, loss in trained.losses.items():
+        assert loss == pytest.approx(float(reference[stream]), rel=1e-4), stream
+
+
+def test_full_gradients_of_each_loss_are_the_references(trained):
+    assert {name.split("/")[0] for name in under(trained.reference, "first_batch/grad/")} == set(trained.gradients)
+    for stream, row in trained.gradients.items():
+        reference = variables(trained.reference, f"first_batch/grad/{stream}/", trained.layout)
+        for name, gradient in by_name(trained.layout, row).items():
+            difference = np.linalg.norm(gradient - reference[name])
+            assert difference <= 1e-3 * np.linalg.norm(reference[name]), f"{stream}: {name}"
+
+
+@pytest.mark.parametrize("update", [1, 5, 10])
+def test_weights_after_updates_are_the_references(trained, update):
+    reference = variables(trained.reference, f"weight{update}/", trained.layout)
+    for name, weights in trained.weights[update].items():
+        assert largest_difference(weights, reference[name]) <= 1e-5, name
