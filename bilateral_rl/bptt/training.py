@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from pathlib import Path
 from typing import Any
 
 import torch
+from matplotlib.figure import Figure
 from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trainer import MEASURES, Trainer, history_columns
 from bilateral_rl.bptt.trials import initial_weights_seed
-from bilateral_rl.config import BPTTConfig
+from bilateral_rl.config import BPTTConfig, EvaluationConfig
 from bilateral_rl.controllers import build_network, build_policy, initial_states, seeds_of, stack_states
 from bilateral_rl.errors import UserError
+from bilateral_rl.evaluation import Evaluator
+from bilateral_rl.figures import hand_paths
+from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.progress import (
     FAILED,
     FINISHED,
@@ -28,6 +33,9 @@ from bilateral_rl.progress import (
     check_device,
 )
 from bilateral_rl.run_folder import BEST, FINAL, RunFolder, Tensors
+
+FIGURE_TRIALS = 12
+"""Drawn at the end, for each seed."""
 
 
 def train(config: BPTTConfig, out: Path, progress: Progress = UNWATCHED) -> Outcome:
@@ -82,36 +90,38 @@ class _Run:
 
     def go(self, progress: Progress) -> Outcome:
         began = time.monotonic()
-        stop = StopRequest()
         trainer = Trainer(self._config, self._layout, self._state)
         board = _Tensorboard(self._folder, self._seeds, self._state.epoch)
-        interrupted = False
-
-        def goes_on(done: int) -> bool:
-            progress.on_step(self._state.epoch * trainer.updates_per_epoch + done)
-            return not stop.requested
-
-        progress.on_start(self._state.epoch * trainer.updates_per_epoch)
-        self._save(RUNNING)
-        try:
-            with stop.on_interrupt():
-                while not trainer.finished and not interrupted:
-                    interrupted = not trainer.run_epoch(goes_on)
-                    if not interrupted:
-                        self._save(RUNNING)
-                        self._report(board, progress, trainer.updates_per_epoch)
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            board.close()
-            trainer.close()
+        with contextlib.closing(trainer), contextlib.closing(board):
+            self._save(RUNNING)
+            finished = self._train(trainer, board, progress)
+            policies = self._policies()
+            self._draw(board, policies)
         all_failed = bool((self._state.seed_state == SeedState.FAILED).all())
-        self._save(INTERRUPTED if interrupted else FAILED if all_failed else FINISHED)
+        self._save(FAILED if all_failed else FINISHED if finished else INTERRUPTED)
         notes = self._notes()
         if all_failed:
             raise UserError(" ".join([*notes, "Try a smaller bptt.learning_rate."]))
         done = int(self._state.updates)
-        return Outcome(self._folder, done, interrupted, time.monotonic() - began, self._policies(), notes)
+        return Outcome(self._folder, done, not finished, time.monotonic() - began, policies, notes)
+
+    def _train(self, trainer: Trainer, board: _Tensorboard, progress: Progress) -> bool:
+        """Epoch after epoch; whether nobody stopped it before the end."""
+        stop = StopRequest()
+        per_epoch = trainer.updates_per_epoch
+
+        def goes_on(done: int) -> bool:
+            progress.on_step(self._state.epoch * per_epoch + done)
+            return not stop.requested
+
+        progress.on_start(self._state.epoch * per_epoch)
+        with stop.on_interrupt():  # a second Ctrl-C leaves at once: the last whole epoch is saved already
+            while not trainer.finished:
+                if not trainer.run_epoch(goes_on):
+                    return False
+                self._save(RUNNING)
+                self._report(board, progress, per_epoch)
+        return True
 
     def _save(self, run_state: str) -> None:
         """What resuming reads first, whole; then what people and other commands read."""
@@ -167,6 +177,14 @@ class _Run:
         means["seeds_training"] = len(state.training())
         progress.on_evaluation(state.epoch * updates_per_epoch, means)
 
+    def _draw(self, board: _Tensorboard, policies: dict[int, BilateralActorCriticPolicy]) -> None:
+        """Hand paths of what each seed does now."""
+        trial = self._config.trial
+        evaluator = Evaluator(self._config.task, trial, FIGURE_TRIALS, EvaluationConfig().seed)
+        for seed, policy in policies.items():
+            figure = hand_paths(evaluator.run(policy), trial.threshold, sum(trial.arm.link_length), FIGURE_TRIALS)
+            board.draw(seed, self._state.epoch, figure)
+
     def _notes(self) -> list[str]:
         state = self._state
         return [
@@ -176,7 +194,7 @@ class _Run:
             if int(state.seed_state[i]) == SeedState.FAILED
         ]
 
-    def _policies(self) -> dict[int, Any]:
+    def _policies(self) -> dict[int, BilateralActorCriticPolicy]:
         policies = {}
         for seed, state in self._network_states(self._state.weights).items():
             policies[seed] = build_policy(self._config)
@@ -204,6 +222,9 @@ class _Tensorboard:
     def write(self, seed: int, epoch: int, values: dict[str, float]) -> None:
         for name, value in values.items():
             self._writers[seed].add_scalar(self._tag(name), value, epoch)
+
+    def draw(self, seed: int, epoch: int, figure: Figure) -> None:
+        self._writers[seed].add_figure("figures/hand_paths", figure, epoch, close=False)
 
     def close(self) -> None:
         for writer in self._writers.values():

@@ -1,0 +1,32 @@
+"""Stacked training on a GPU. Skipped where there is none."""
+
+import pytest
+import torch
+
+from bilateral_rl.controllers import network_states
+from bilateral_rl.resolve import resolve
+from bilateral_rl.training import resume, train
+
+pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
+
+FEW = {"trials": 64, "batch_size": 16, "validation_trials": 8}
+
+
+def trained(out, device, **values):
+    config = resolve("bptt", "random_reach", [{"seeds": 3, "epochs": 2, "device": device, "bptt": FEW} | values])
+    return train(config, out).folder
+
+
+@pytest.mark.parametrize("model", ["uni_b", "bi_s", "cc_s"])
+@pytest.mark.parametrize("profile", ["paper", "released"])
+def test_a_gpu_trains_the_same_networks_as_the_cpu(tmp_path, model, profile):
+    states = [network_states(trained(tmp_path, device, model=model, profile=profile)) for device in ("cpu", "cuda")]
+    for seed in states[0]:
+        for name, value in states[0][seed].items():
+            torch.testing.assert_close(states[1][seed][name], value, rtol=1e-3, atol=1e-4)
+
+
+def test_a_run_of_the_gpu_goes_on_on_the_cpu(tmp_path):
+    folder = trained(tmp_path, "cuda")
+    outcome = resume(folder, resolve(None, None, [folder.config().to_values() | {"epochs": 3, "device": "cpu"}]))
+    assert outcome.done == 12
