@@ -65,6 +65,8 @@ def _check_bptt(config: BPTTConfig) -> None:
             raise UserError(f"bptt.{name} must be positive, got {getattr(settings, name)}.")
     if config.penalty_coefficient < 0:
         raise UserError(f"bptt.penalty_coefficient must be at least 0, got {config.penalty_coefficient}.")
+    if config.penalty != "weights":  # the others look at rates of change
+        _check_range("trial.trial_length", trial.trial_length, 2, MAX_SIZE)
     if trial.noisy or trial.feedback_delay:
         raise UserError(
             "BPTT goes through an arm without noise or delay: leave out trial.sensory_noise, trial.motor_noise and "

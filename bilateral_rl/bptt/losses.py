@@ -77,7 +77,7 @@ class StreamLosses:
     def gradient(self, rollout: Rollout) -> Tensor:
         """(streams, S, width): their gradients, but for the share of ``weight_decay``."""
         samples = rollout.size.n_trials * rollout.size.n_steps
-        return rollout.backward(self.term_weights / samples, self._seeds(rollout))
+        return rollout.backward(self.term_weights.to(rollout.weights) / samples, self._seeds(rollout))
 
     def _penalty(self, rollout: Rollout, s: int) -> Tensor:
         """The penalty, unweighted, of network ``s``."""

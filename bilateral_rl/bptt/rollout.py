@@ -53,7 +53,7 @@ class Rollout:
         size: S, B, T, and what gradients are wanted.
         device: ``"cpu"`` or a CUDA device.
         dtype: ``torch.float32`` or ``torch.float64``.
-        workers: threads that share the work; the calling one by default.
+        workers: threads that share the work; the calling one by default, whose torch should then use one thread too.
 
     Attributes:
         weights: (S, width), the networks' parameters; write into it.

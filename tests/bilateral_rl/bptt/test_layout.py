@@ -100,6 +100,38 @@ def test_kernels_are_transposed_and_followed_by_their_bias(architecture):
         assert torch.equal(row[offset : offset + len(expected)], torch.stack(expected)), name
 
 
+@fast
+@given(network=networks(), n=st.integers(1, 3))
+def test_regions_hold_the_variables_layer_by_layer_and_the_bias_last(network, n):
+    layout, states = Layout(network), states_of(network, n, seed=0)
+    rows = layout.pack(states)
+    sides = ["hidden"] if network.architecture == "unilateral" else ["dominant", "non_dominant"]
+    names = {
+        "first": [f"{side}.0" for side in sides],
+        "hidden": [f"{side}.{k}" for k in range(1, network.layers) for side in sides],
+        "output": ["output"],
+    }
+    regions = {name: layout.region(rows, name) for name in layout.regions}
+    assert set(regions) == {*names, "combination"}
+    for s, state in enumerate(states):
+        for region, modules in names.items():
+            layers = [torch.cat([state[f"{m}.weight"].t(), state[f"{m}.bias"][None]]) for m in modules]
+            values = regions[region][s].reshape(len(layers), *regions[region].shape[-2:])
+            assert len(layers) == 0 or torch.equal(values, torch.stack(layers)), region
+        weights = [state[f"combination_{side}"].item() for side in sides if len(sides) == 2]
+        assert regions["combination"][s].tolist() == weights
+
+
+def test_regions_are_views_of_the_rows():
+    layout = Layout(make_network("callosal", n_inputs=16, n_outputs=6))
+    rows = torch.zeros(2, 3, layout.width)
+    for name in layout.regions:
+        layout.region(rows, name).fill_(1.0)
+    n = sum(v.size for v in layout.variables)
+    assert (rows[..., :n] == 1).all()
+    assert (rows[..., n:] == 0).all()
+
+
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
 def test_only_the_combination_weights_are_kept_from_going_negative(architecture):
     network = make_network(architecture, n_inputs=16, n_outputs=6)

@@ -79,10 +79,10 @@ def losses_on(path, target, loss, penalty):
     return [torch.tensor(w, dtype=torch.float64) @ means + of_penalty * penalty for w, of_penalty in STREAMS[loss]]
 
 
-def rollout_for(make_rollout, networks, losses, **settings):
+def rollout_for(make_rollout, networks, losses, n_trials=TRIALS, n_steps=STEPS, arm=None):
     """A rollout with room for what ``losses`` need."""
     room = {"watches_state": losses.watches_state, "watches_activity": losses.watches_activity}
-    rollout = make_rollout(networks, TRIALS, STEPS, n_streams=losses.n_streams, **room, **settings)
+    rollout = make_rollout(networks, n_trials, n_steps, arm, n_streams=losses.n_streams, **room)
     rollout.forward()
     return rollout
 
@@ -104,6 +104,13 @@ def test_weights_of_terms_and_penalty_are_the_papers(model):
 
 def test_default_coefficients_are_the_papers():
     assert PENALTIES == {"weights": 0.001, "activity": 0.01, "released": 0.01}
+
+
+@each_model
+def test_weights_decay_by_the_penalty_on_them_only(model):
+    assert losses_of(model, "weights").weight_decay == [0.1 * penalty for _, penalty in STREAMS_OF_MODEL[model]]
+    for kind in ("activity", "released"):
+        assert set(losses_of(model, kind).weight_decay) == {0.0}
 
 
 @each_model
@@ -217,13 +224,16 @@ def test_in_a_specialized_model_the_penalty_is_the_non_dominant_losss(random_net
 
 @each_kind
 @pytest.mark.parametrize("loss", ["combined", "specialized"])
-def test_a_network_of_a_stack_has_the_losses_and_gradients_it_has_alone(random_networks, make_rollout, kind, loss):
+@pytest.mark.parametrize(("n_trials", "n_steps"), [(3, 7), (64, 50)])
+def test_a_network_of_a_stack_has_the_losses_and_gradients_it_has_alone(
+    random_networks, make_rollout, kind, loss, n_trials, n_steps
+):
     networks = random_networks(*PAPERS, n=5, dtype=torch.float32)
     losses = StreamLosses(loss, kind, 0.01, Layout(networks[0]), ArmParameters())
-    stack = rollout_for(make_rollout, networks, losses)
+    stack = rollout_for(make_rollout, networks, losses, n_trials, n_steps)
     values, gradient = losses.values(stack), losses.gradient(stack)
     for s in range(5):
-        alone = rollout_for(make_rollout, networks[s : s + 1], losses)
+        alone = rollout_for(make_rollout, networks[s : s + 1], losses, n_trials, n_steps)
         for own, part in zip(alone.trials, stack.trials, strict=True):
             own[0] = part[s]
         alone.forward()
