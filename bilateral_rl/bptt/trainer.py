@@ -38,6 +38,18 @@ class _Stack:
     optimizer: StackedAdam
 
 
+@dataclass
+class _Updates:
+    """What the updates of an epoch brought, for each seed of the stack."""
+
+    means: Tensor
+    """(S, …): losses and gradient norms."""
+    failed: dict[int, int]
+    """The batch, from 1, of each seed that failed."""
+    good: Tensor
+    """(S, width): the last weights whose loss was a number."""
+
+
 class Trainer:
     """Trains every seed of ``config`` side by side, and writes what it does into ``state``.
 
@@ -87,10 +99,10 @@ class Trainer:
         """
         stack = self._stack or self._make_stack()
         self._stack = None
-        history, failed = self._update(stack, goes_on)
-        if history is None:
+        updates = self._update(stack, goes_on)
+        if updates is None:
             return False
-        self._finish_epoch(stack, history, failed)
+        self._finish_epoch(stack, updates)
         if self.state.training() == stack.seeds:  # those that stopped cost no more work
             self._stack = stack
         return True
@@ -132,33 +144,34 @@ class Trainer:
             )
         return Rollout(self.layout, self.config.trial.arm, size, device=self.config.device, workers=self._workers)
 
-    def _update(self, stack: _Stack, goes_on: Callable[[int], bool]) -> tuple[Tensor | None, dict[int, int]]:
-        """Every update of an epoch: mean losses and gradient norms (S, …), and the batch of each seed that failed.
-
-        The means are None if the epoch was not to go on.
-        """
+    def _update(self, stack: _Stack, goes_on: Callable[[int], bool]) -> _Updates | None:
+        """Every update of an epoch; None if it was not to go on."""
         shuffled = self._shuffled(stack.seeds)
-        size = self.config.bptt.batch_size
+        weights, size = stack.rollout.weights, self.config.bptt.batch_size
         total = torch.zeros(len(stack.seeds), stack.losses.n_streams + len(self._groups()), dtype=torch.float64)
         failed: dict[int, int] = {}
+        good = weights.clone()
         for batch in range(self.updates_per_epoch):
             for own, trials in zip(stack.rollout.trials, shuffled, strict=True):
                 own.copy_(trials[:, batch * size : (batch + 1) * size])
             stack.rollout.forward()
             values = stack.losses.values(stack.rollout)
-            moves = stack.optimizer.gradient().cpu() & values.isfinite().all(0).cpu()
-            before = stack.rollout.weights.clone()
-            stack.optimizer.step(moves.to(values.device) if failed or not moves.all() else None)
-            moves &= stack.rollout.weights.isfinite().all(1).cpu()
+            has_loss = values.isfinite().all(0)
+            good[has_loss] = weights[has_loss]
+            moves = has_loss & stack.optimizer.gradient()
+            moves[list(failed)] = False
+            stack.optimizer.step(None if moves.all() else moves)
+            moves &= weights.isfinite().all(1)
             for index in (~moves).nonzero().flatten().tolist():
-                stack.rollout.weights[index] = before[index]
-                failed.setdefault(index, batch + 1)
+                if index not in failed:
+                    failed[index] = batch + 1
+                    weights[index] = good[index]
             if len(failed) == len(stack.seeds):
                 break
             total += torch.cat([values.t().cpu(), self._group_norms(stack.optimizer.norms)], dim=1)
             if not goes_on(batch + 1):
-                return None, failed
-        return total / self.updates_per_epoch, failed
+                return None
+        return _Updates(total / self.updates_per_epoch, failed, good.cpu())
 
     def _shuffled(self, seeds: list[int]) -> TrialTensors:
         """The epoch's trials in their order, (len(seeds), trials, 2) each."""
@@ -176,9 +189,9 @@ class Trainer:
         groups = [[i for i, v in enumerate(self.layout.variables) if v.group == group] for group in self._groups()]
         return torch.stack([squares[:, members].sum(1).sqrt() for members in groups], dim=1)
 
-    def _finish_epoch(self, stack: _Stack, means: Tensor, failed: dict[int, int]) -> None:
+    def _finish_epoch(self, stack: _Stack, updates: _Updates) -> None:
         """Take over weights, validate, and decide which seeds go on."""
-        state, seeds = self.state, stack.seeds
+        state, seeds, failed = self.state, stack.seeds, updates.failed
         for own, stored in (
             (stack.rollout.weights, state.weights),
             (stack.optimizer.first, state.first),
@@ -189,10 +202,13 @@ class Trainer:
         validation = self._validate(seeds)
         row = torch.full((len(state.weights), 1, len(self.columns)), torch.nan, dtype=torch.float64)
         for index, seed in enumerate(seeds):
+            if index not in failed and not validation[index, 0].isfinite():
+                failed[index] = self.updates_per_epoch
+                state.weights[seed] = updates.good[index]
             if index in failed:
                 state.seed_state[seed], state.failed_batch[seed] = SeedState.FAILED, failed[index]
                 continue
-            row[seed, 0] = torch.cat([means[index], validation[index]])
+            row[seed, 0] = torch.cat([updates.means[index], validation[index]])
             state.epochs[seed] += 1
             self._watch(seed, float(validation[index, 0]))
         state.history = torch.cat([state.history, row], dim=1)

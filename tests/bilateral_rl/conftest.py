@@ -1,10 +1,17 @@
 import shutil
 
 import pytest
+import torch
 
-from bilateral_rl.config import RLConfig
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.bptt.state import TrainingState
+from bilateral_rl.bptt.trainer import Trainer, history_columns
+from bilateral_rl.bptt.trials import initial_weights_seed
+from bilateral_rl.config import BPTTConfig, RLConfig
+from bilateral_rl.controllers import build_network, seeds_of
 from bilateral_rl.resolve import resolve
 from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.settings import merge
 from bilateral_rl.training import train
 
 SMALL = {
@@ -12,6 +19,13 @@ SMALL = {
     "n_envs": 20,
     "ppo": {"batch_size": 250},
     "evaluation": {"every": 2_000, "checkpoint_every": 2_000, "trials": 8},
+}
+
+SMALL_BPTT = {
+    "seeds": 2,
+    "epochs": 3,
+    "bptt": {"trials": 32, "batch_size": 16, "validation_trials": 8},
+    "trial": {"trial_length": 20},
 }
 
 
@@ -31,3 +45,62 @@ def run(_trained, tmp_path) -> RunFolder:
     path = tmp_path / "runs" / "random_reach" / "cc_s-ppo-1"
     shutil.copytree(_trained.path, path)
     return RunFolder(path)
+
+
+def _small_bptt(model="cc_s", task="random_reach", **values) -> BPTTConfig:
+    return resolve("bptt", task, [merge(SMALL_BPTT, values)], model=model)
+
+
+@pytest.fixture(scope="session")
+def small_bptt():
+    """Builder of configurations of supervised trainings that take a tenth of a second."""
+    return _small_bptt
+
+
+@pytest.fixture(scope="session")
+def _trained_bptt(tmp_path_factory) -> RunFolder:
+    # The best weights are those of epoch 5.
+    config = _small_bptt(seeds=3, epochs=6, bptt={"learning_rate": 0.2})
+    return train(config, tmp_path_factory.mktemp("runs")).folder
+
+
+@pytest.fixture
+def bptt_run(_trained_bptt, tmp_path) -> RunFolder:
+    """A small finished supervised run of three seeds, of its own copy, free to be damaged."""
+    path = tmp_path / "runs" / "random_reach" / "cc_s-bptt-1"
+    shutil.copytree(_trained_bptt.path, path)
+    return RunFolder(path)
+
+
+@pytest.fixture
+def make_trainer():
+    """Builder of a supervised training at its start, or at ``state``."""
+    made = []
+
+    def make(config, state=None):
+        layout = Layout(build_network(config))
+        if state is None:
+            networks = []
+            for seed in seeds_of(config):
+                torch.manual_seed(initial_weights_seed(seed))
+                networks.append(build_network(config).state_dict())
+            state = TrainingState.start(layout.pack(networks), len(history_columns(config, layout)))
+        made.append(Trainer(config, layout, state))
+        return made[-1]
+
+    yield make
+    for trainer in made:
+        trainer.close()
+
+
+def _same_bits(first, second) -> bool:
+    if isinstance(first, dict):
+        return first.keys() == second.keys() and all(_same_bits(first[name], second[name]) for name in first)
+    same_kind = first.dtype == second.dtype and first.shape == second.shape
+    return same_kind and first.contiguous().numpy().tobytes() == second.contiguous().numpy().tobytes()
+
+
+@pytest.fixture(scope="session")
+def same_bits():
+    """Whether two tensors, or dictionaries of them, are the same to the last bit, what is no number included."""
+    return _same_bits

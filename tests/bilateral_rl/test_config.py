@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config import RLConfig
+from bilateral_rl.config import BPTTConfig, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import from_values, resolve, tuned_defaults
@@ -106,3 +106,84 @@ def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
 def test_merging_keeps_every_key_and_prefers_the_second(first, second):
     merged = merge({"x": first}, {"x": second})["x"]
     assert merged == {**first, **second}
+
+
+def test_supervised_training_is_the_papers_by_default():
+    config = resolve("bptt", None)
+    settings = config.bptt
+    assert isinstance(config, BPTTConfig)
+    assert (config.epochs, config.seeds, config.profile) == (100, 1, "paper")
+    assert (settings.trials, settings.batch_size, settings.validation_trials) == (6400, 64, 64)
+    assert (settings.learning_rate, settings.epsilon, settings.clip_norm) == (0.001, 1e-7, 1.0)
+    assert settings.patience == 3
+    assert (config.network.units, config.network.layers, config.trial.trial_length) == (10, 2, 50)
+
+
+@pytest.mark.parametrize(
+    ("values", "penalty", "coefficient"),
+    [
+        ({}, "weights", 0.001),
+        ({"profile": "released"}, "released", 0.01),
+        ({"bptt": {"penalty": "activity"}}, "activity", 0.01),
+        ({"profile": "released", "bptt": {"penalty": "weights"}}, "weights", 0.001),
+        ({"bptt": {"penalty_coefficient": 0.1}}, "weights", 0.1),
+        ({"profile": "released", "bptt": {"penalty_coefficient": 0}}, "released", 0.0),
+    ],
+)
+def test_the_penalty_is_the_given_one_or_the_profiles(values, penalty, coefficient):
+    config = resolve("bptt", None, [values])
+    assert (config.penalty, config.penalty_coefficient) == (penalty, coefficient)
+
+
+@pytest.mark.parametrize(
+    ("values", "names"),
+    [
+        ({"timesteps": 1000}, "timesteps"),
+        ({"n_envs": 4}, "n_envs"),
+        ({"ppo": {"gamma": 0.9}}, "ppo"),
+        ({"evaluation": {"trials": 3}}, "evaluation"),
+        ({"network": {"critic_arch": [4]}}, "critic_arch"),
+        ({"network": {"units": 7}}, "odd"),
+        ({"seeds": 0}, "seeds"),
+        ({"seeds": 1001}, "seeds"),
+        ({"seeds": 1.5}, "seeds"),
+        ({"seed": 2**32 - 2, "seeds": 3}, "seed"),
+        ({"epochs": 0}, "epochs"),
+        ({"threads": -1}, "threads"),
+        ({"profile": "text"}, "paper, released"),
+        ({"init_from": 3}, "init_from"),
+        ({"bptt": {"penalty": "l2"}}, "weights, activity, released"),
+        ({"bptt": {"penalty_coefficient": -0.1}}, "penalty_coefficient"),
+        ({"bptt": {"penalty_coefficient": float("nan")}}, "penalty_coefficient"),
+        ({"bptt": {"learning_rate": 0}}, "learning_rate"),
+        ({"bptt": {"epsilon": 0}}, "epsilon"),
+        ({"bptt": {"clip_norm": 0}}, "clip_norm"),
+        ({"bptt": {"patience": 0}}, "patience"),
+        ({"bptt": {"batch_size": 0}}, "batch_size"),
+        ({"bptt": {"trials": 0}}, "trials"),
+        ({"bptt": {"validation_trials": 0}}, "validation_trials"),
+        ({"bptt": {"trials": 100}}, "multiple of bptt.batch_size, got 100 and 64"),
+        ({"bptt": {"lr": 1}}, "learning_rate"),
+        ({"trial": {"sensory_noise": 0.01}}, "sensory_noise"),
+        ({"trial": {"motor_noise": 0.01}}, "motor_noise"),
+        ({"trial": {"feedback_delay": 1}}, "feedback_delay"),
+    ],
+)
+def test_what_supervised_training_cannot_do_is_refused_by_name(values, names):
+    with pytest.raises(UserError, match=names):
+        resolve("bptt", None, [values])
+
+
+@pytest.mark.parametrize("name", ["seeds", "epochs", "profile", "bptt"])
+def test_reinforcement_refuses_the_settings_of_supervised_training(name):
+    value = BPTTConfig().to_values()[name]
+    with pytest.raises(UserError, match=name):
+        resolve("ppo", None, [{name: value}])
+
+
+def test_a_supervised_configuration_survives_yaml_and_json(tmp_path):
+    values = {"seeds": 3, "profile": "released", "init_from": "a:1", "bptt": {"epsilon": 1e-8, "penalty": "activity"}}
+    config = resolve("bptt", "hold_position", [values], model="bi_s")
+    for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
+        (tmp_path / name).write_text(text)
+        assert resolve(None, None, [load_file(tmp_path / name)]) == config

@@ -1,0 +1,108 @@
+"""The state of a training as tensors: it comes back as it was, and what is none is refused."""
+
+import pytest
+import torch
+
+from bilateral_rl.bptt.state import SeedState, TrainingState
+
+S, WIDTH, COLUMNS = 3, 16, 5
+
+
+@pytest.fixture
+def tensors():
+    """Of a state after two epochs of three seeds, one of which failed and one converged."""
+    state = TrainingState.start(torch.randn(S, WIDTH), COLUMNS)
+    state.first, state.second, state.best_weights = (torch.randn(S, WIDTH) for _ in range(3))
+    state.best_loss = torch.rand(S, dtype=torch.float64)
+    state.waited = torch.tensor([0, 3, 1])
+    state.seed_state = torch.tensor([SeedState.TRAINING, SeedState.CONVERGED, SeedState.FAILED])
+    state.failed_batch = torch.tensor([0, 0, 7])
+    state.history = torch.rand(S, 2, COLUMNS, dtype=torch.float64)
+    state.history[2, 1] = torch.nan
+    state.epochs = torch.tensor([2, 2, 1])
+    state.updates = torch.tensor(14)
+    return state.tensors()
+
+
+def test_a_state_comes_back_from_its_tensors_as_it_was(tensors, same_bits):
+    state = TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+    assert same_bits(state.tensors(), tensors)
+    assert state.epoch == 2
+    assert state.training() == [0]
+
+
+def test_a_state_does_not_share_its_tensors_with_what_it_was_made_of(tensors, same_bits):
+    before = {name: tensor.clone() for name, tensor in tensors.items()}
+    state = TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+    for tensor in state.tensors().values():
+        tensor.zero_()
+    assert same_bits(tensors, before)
+
+
+def test_a_start_has_nothing_done_and_weights_of_its_own():
+    weights = torch.randn(S, WIDTH)
+    state = TrainingState.start(weights, COLUMNS)
+    assert torch.equal(state.weights, weights)
+    assert torch.equal(state.best_weights, weights)
+    assert state.best_loss.isinf().all()
+    assert (state.epoch, int(state.updates), state.training()) == (0, 0, [0, 1, 2])
+    before = weights.clone()
+    weights += 1
+    state.weights += 2
+    assert torch.equal(state.best_weights, before)
+    assert torch.equal(state.weights, before + 2)
+
+
+def test_a_start_comes_back_too(same_bits):
+    tensors = TrainingState.start(torch.randn(S, WIDTH), COLUMNS).tensors()
+    assert same_bits(TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS).tensors(), tensors)
+
+
+NAMES = list(TrainingState.start(torch.zeros(1, 1), 1).tensors())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_missing_tensor_is_refused(tensors, name):
+    del tensors[name]
+    with pytest.raises(ValueError, match=name):
+        TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+
+
+def test_an_unknown_tensor_is_refused(tensors):
+    with pytest.raises(ValueError, match="must hold"):
+        TrainingState.from_tensors(tensors | {"other": torch.zeros(1)}, S, WIDTH, COLUMNS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_tensor_of_another_type_is_refused(tensors, name):
+    other = torch.int64 if tensors[name].is_floating_point() else torch.float64
+    tensors[name] = tensors[name].nan_to_num().to(other)
+    with pytest.raises(ValueError, match=name):
+        TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_tensor_of_another_shape_is_refused(tensors, name):
+    tensors[name] = tensors[name][..., None]
+    with pytest.raises(ValueError, match=name):
+        TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+
+
+@pytest.mark.parametrize("sizes", [(S + 1, WIDTH, COLUMNS), (S, WIDTH + 16, COLUMNS), (S, WIDTH, COLUMNS + 1)])
+def test_the_state_of_another_training_is_refused(tensors, sizes):
+    with pytest.raises(ValueError, match="shape"):
+        TrainingState.from_tensors(tensors, *sizes)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_refused(tensors, value):
+    tensors["weights"][1, 4] = value
+    with pytest.raises(ValueError, match="range"):
+        TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+
+
+@pytest.mark.parametrize("value", [-1, 3])
+def test_an_unknown_seed_state_is_refused(tensors, value):
+    tensors["seed_state"][0] = value
+    with pytest.raises(ValueError, match="range"):
+        TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)

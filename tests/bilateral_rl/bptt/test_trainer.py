@@ -1,0 +1,425 @@
+"""Training of stacked networks: every seed as if it were alone, and as plain torch does it; how each seed ends."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from bilateral_rl.bptt.rollout import Rollout
+from bilateral_rl.bptt.state import SeedState, TrainingState
+from bilateral_rl.bptt.trials import epoch_order, initial_weights_seed, training_trials, validation_trials
+from bilateral_rl.catalogue import MODELS, find_model
+from bilateral_rl.controllers import build_network
+from bilateral_rl.envs import Arm
+from bilateral_rl.envs.tasks import TASKS, make_task
+
+OF_SEEDS = ("weights", "first", "second", "best_weights", "best_loss", "waited", "seed_state", "failed_batch", "epochs")
+
+
+def finish(trainer):
+    while not trainer.finished:
+        assert trainer.run_epoch()
+    return trainer.state
+
+
+def of_seed(state, index):
+    """Everything that the state holds of one seed, the history as far as the seed came."""
+    parts = {name: getattr(state, name)[index] for name in OF_SEEDS}
+    return parts | {"history": state.history[index, : int(state.epochs[index])]}
+
+
+def copy_of(state):
+    return {name: tensor.clone() for name, tensor in state.tensors().items()}
+
+
+@pytest.fixture
+def forwards(monkeypatch):
+    """A record of every forward pass: whether it was for training, and the weights then."""
+    seen = []
+    forward = Rollout.forward
+
+    def watch(rollout):
+        seen.append(SimpleNamespace(trains=rollout.size.n_streams > 0, weights=rollout.weights.clone()))
+        forward(rollout)
+
+    monkeypatch.setattr(Rollout, "forward", watch)
+    return seen
+
+
+# Stacks
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("model", ["cc_s", "uni_b"])
+def test_a_seed_of_a_stack_ends_with_the_bits_it_has_alone(make_trainer, small_bptt, same_bits, model, task, threads):
+    settings = {"model": model, "task": task, "bptt": {"learning_rate": 0.02}}
+    stack = finish(make_trainer(small_bptt(seeds=3, seed=5, threads=threads, **settings)))
+    for index in range(3):
+        alone = finish(make_trainer(small_bptt(seeds=1, seed=5 + index, threads=1, **settings)))
+        assert same_bits(of_seed(stack, index), of_seed(alone, 0))
+    assert len(torch.unique(stack.weights, dim=0)) == 3
+
+
+@pytest.mark.parametrize("penalty", ["activity", "released"])
+def test_the_other_penalties_and_odd_sizes_do_not_join_seeds_either(make_trainer, small_bptt, same_bits, penalty):
+    sizes = {"trials": 9, "batch_size": 3, "validation_trials": 5}
+    settings = {"model": "bi_s", "trial": {"trial_length": 7}, "bptt": {"penalty": penalty, **sizes}}
+    stack = finish(make_trainer(small_bptt(seeds=5, threads=2, **settings)))
+    for index in (0, 2, 4):
+        alone = finish(make_trainer(small_bptt(seeds=1, seed=index, threads=1, **settings)))
+        assert same_bits(of_seed(stack, index), of_seed(alone, 0))
+
+
+def test_seeds_that_stop_at_different_times_end_as_they_do_alone(make_trainer, small_bptt, same_bits):
+    settings = {"epochs": 12, "bptt": {"learning_rate": 0.2, "patience": 2}}
+    stack = finish(make_trainer(small_bptt(seeds=4, **settings)))
+    assert len(set(stack.epochs.tolist())) > 2
+    for index in range(4):
+        alone = finish(make_trainer(small_bptt(seeds=1, seed=index, **settings)))
+        assert same_bits(of_seed(stack, index), of_seed(alone, 0))
+
+
+def test_each_seed_has_its_own_trials_and_validation_trials(make_trainer, small_bptt):
+    config = small_bptt(task="hold_position", seed=3)
+    trainer = make_trainer(config)
+    for stacked, draw, n in (
+        (trainer._training, training_trials, 32),
+        (trainer._validation, validation_trials, 8),
+    ):
+        for index in range(2):
+            own = draw(3 + index, n, make_task("hold_position"), config.trial)
+            assert all(torch.equal(part[index], of_own) for part, of_own in zip(stacked, own, strict=True))
+
+
+# The same in plain torch
+
+
+class InTorch:
+    """One seed's training by autograd through ``Arm.step``, written down from the paper (sections 4 and 5)."""
+
+    TERMS = {"dominant": (0.0, 5.0, 2.0, 0.0), "non_dominant": (5.0, 0.0, 0.0, 2.0), "combined": (2.5, 2.5, 1.0, 1.0)}
+    """Weights of Cartesian 1, Cartesian 2, activation and weight penalty."""
+
+    def __init__(self, config, seed):
+        self.config, self.seed, self.model = config, seed, find_model(config.model)
+        torch.manual_seed(initial_weights_seed(seed))
+        self.network = build_network(config)
+        self.arm = Arm(config.trial.arm)
+        self.moments = [(torch.zeros_like(p), torch.zeros_like(p)) for p in self.network.parameters()]
+        self.updates = 0
+
+    def run(self, trials):
+        """The four terms of the losses, and the distances (n, T) to the target."""
+        state, steps, distances = self.arm.rest(trials.start), [], []
+        for _ in range(self.config.trial.trial_length):
+            observation = torch.cat([self.arm.proprioception(state), state.cartesian[:, :2], trials.target], dim=1)
+            u = self.network.excitation(observation)
+            state = self.arm.step(state, u, trials.load)
+            e = state.cartesian[:, :2] - trials.target
+            steps.append(torch.stack([e.abs().mean(), (10 * e).square().mean() / 10, u.square().mean()]))
+            distances.append(e.norm(dim=1))
+        squares = sum(p.square().sum() for p in self.network.parameters())
+        terms = [*torch.stack(steps).mean(0), self.config.penalty_coefficient * 0.5 * squares]
+        return terms, torch.stack(distances, dim=1).detach()
+
+    def loss(self, name, terms):
+        return sum(weight * term for weight, term in zip(self.TERMS[name], terms, strict=True))
+
+    def epoch(self, epoch):
+        """Mean loss of each stream, mean gradient norm of each group."""
+        config = self.config
+        n, size = config.bptt.trials, config.bptt.batch_size
+        trials = training_trials(self.seed, n, make_task(config.task), config.trial)
+        order = torch.from_numpy(epoch_order(self.seed, epoch, n))
+        streams = ["dominant", "non_dominant"] if self.model.loss == "specialized" else [self.model.loss]
+        rows = []
+        for batch in order.split(size):
+            terms, _ = self.run(type(trials)(*(part[batch] for part in trials)))
+            losses = [self.loss(stream, terms) for stream in streams]
+            rows.append([*(float(loss.detach()) for loss in losses), *self.update(losses)])
+        return np.mean(rows, axis=0)
+
+    def update(self, losses):
+        parameters = list(self.network.parameters())
+        of_loss = [torch.autograd.grad(loss, parameters, retain_graph=True, allow_unused=True) for loss in losses]
+        share = {"dominant": (1.0, 0.0), "non_dominant": (0.0, 1.0), "shared": (0.5, 0.5)}
+        squares = {}
+        self.updates += 1
+        rate = self.config.bptt.learning_rate * math.sqrt(1 - 0.999**self.updates) / (1 - 0.9**self.updates)
+        for index, (name, parameter) in enumerate(self.network.named_parameters()):
+            group = self.network.group_of(name)
+            shares = share[group] if len(losses) > 1 else (1.0,)
+            gradient = sum(s * of[index] for s, of in zip(shares, of_loss, strict=True) if s)
+            squares[group] = squares.get(group, 0.0) + float(gradient.square().sum())
+            gradient = gradient / max(1.0, float(gradient.norm()) / self.config.bptt.clip_norm)
+            first, second = self.moments[index]
+            first.mul_(0.9).add_(0.1 * gradient)
+            second.mul_(0.999).add_(0.001 * gradient.square())
+            parameter.data -= rate * first / (second.sqrt() + self.config.bptt.epsilon)
+            if name.startswith("combination"):
+                parameter.data.clamp_(min=0.0)
+        groups = [group for group in ("dominant", "non_dominant", "shared") if group in squares]
+        return [math.sqrt(squares[group]) for group in groups]
+
+    @torch.no_grad()
+    def validate(self):
+        """Loss, goal completion (%), steps in the goal, final error (cm)."""
+        config = self.config
+        n = config.bptt.validation_trials
+        terms, distances = self.run(validation_trials(self.seed, n, make_task(config.task), config.trial))
+        name = "combined" if self.model.loss == "specialized" else self.model.loss
+        inside = (distances <= config.trial.threshold).tolist()
+        completed = [any(all(row[i : i + 3]) for i in range(len(row) - 2)) for row in inside]
+        time_in_goal = np.mean([sum(row) for row in inside])
+        return [
+            float(self.loss(name, terms)),
+            100 * np.mean(completed),
+            time_in_goal,
+            100 * float(distances[:, -1].mean()),
+        ]
+
+
+@pytest.mark.parametrize(
+    ("model", "task", "threshold"),
+    [("cc_s", "random_reach", 0.3), ("bi_ns", "hold_position", 0.05), ("uni_dl", "random_reach", 0.3)],
+)
+def test_epochs_bring_what_plain_torch_brings(make_trainer, small_bptt, model, task, threshold):
+    config = small_bptt(model=model, task=task, trial={"threshold": threshold}, bptt={"learning_rate": 0.01})
+    trainer = make_trainer(config)
+    state, reference = finish(trainer), InTorch(config, 1)
+    for epoch in range(3):
+        expected = [*reference.epoch(epoch), *reference.validate()]
+        np.testing.assert_allclose(state.history[1, epoch], expected, rtol=2e-4, err_msg=f"{trainer.columns}")
+    assert 0 < state.history[1, -1, trainer.columns.index("time_in_goal_steps")] < 20
+    assert state.history[1, -1, trainer.columns.index("goal_completion_percent")] > 0
+    weights = trainer.layout.unpack(state.weights)
+    for name, parameter in reference.network.named_parameters():
+        # Of six updates by about 0.01 each.
+        np.testing.assert_allclose(weights[name][1], parameter.detach(), atol=3e-5, err_msg=name)
+
+
+def test_the_history_names_streams_groups_and_measures(make_trainer, small_bptt):
+    ends = ["validation_loss", "goal_completion_percent", "time_in_goal_steps", "final_error_cm"]
+    assert make_trainer(small_bptt()).columns == [
+        *("loss_dominant", "loss_non_dominant"),
+        *("gradient_norm_dominant", "gradient_norm_non_dominant", "gradient_norm_shared"),
+        *ends,
+    ]
+    assert make_trainer(small_bptt(model="uni_dl")).columns == ["loss_dominant", "gradient_norm_shared", *ends]
+    assert make_trainer(small_bptt(model="bi_ns")).columns[0] == "loss_combined"
+
+
+@pytest.mark.parametrize(("model", "loss"), [("cc_s", "combined"), ("uni_ndl", "non_dominant"), ("uni_b", "combined")])
+def test_validation_is_by_the_loss_that_trains_the_model_or_by_the_combined_one(make_trainer, small_bptt, model, loss):
+    config = small_bptt(model=model, epochs=1, bptt={"learning_rate": 1e-12})
+    state, reference = finish(make_trainer(config)), InTorch(config, 0)
+    terms, _ = reference.run(validation_trials(0, 8, make_task(config.task), config.trial))
+    column = make_trainer(config).columns.index("validation_loss")
+    assert float(state.history[0, 0, column]) == pytest.approx(float(reference.loss(loss, terms).detach()), rel=1e-4)
+
+
+@pytest.mark.parametrize("profile", ["paper", "released"])
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_learns_every_task_by_either_profile(make_trainer, small_bptt, model, task, profile):
+    settings = {"learning_rate": 0.03, "patience": 10}
+    trainer = make_trainer(small_bptt(model=model, task=task, profile=profile, epochs=10, bptt=settings))
+    history = finish(trainer).history
+    losses = history[:, :, [name.startswith("loss_") for name in trainer.columns]].sum(2)
+    validation = history[:, :, trainer.columns.index("validation_loss")]
+    assert (losses[:, -1] < 0.95 * losses[:, 0]).all()
+    assert (validation[:, -1] < 0.95 * validation[:, 0]).all()
+
+
+# How a seed ends
+
+
+@pytest.mark.parametrize("patience", [1, 2, 3])
+@pytest.mark.parametrize("model", ["cc_s", "uni_b"])
+def test_a_seed_stops_after_so_many_epochs_without_a_better_validation_loss(make_trainer, small_bptt, model, patience):
+    config = small_bptt(model=model, seeds=5, epochs=14, bptt={"learning_rate": 0.2, "patience": patience})
+    trainer = make_trainer(config)
+    state = finish(trainer)
+    stopped = 0
+    for index in range(5):
+        losses = state.history[index, :, trainer.columns.index("validation_loss")].tolist()
+        best, waited, epochs, converged = math.inf, 0, 0, False
+        while epochs < 14 and not converged:
+            waited = 0 if losses[epochs] < best else waited + 1
+            best = min(best, losses[epochs])
+            converged = waited == patience
+            epochs += 1
+        assert int(state.epochs[index]) == epochs
+        assert int(state.seed_state[index]) == (SeedState.CONVERGED if converged else SeedState.TRAINING)
+        assert float(state.best_loss[index]) == best
+        assert int(state.waited[index]) == waited
+        assert state.history[index, epochs:].isnan().all()
+        assert state.history[index, :epochs].isfinite().all()
+        stopped += converged
+    assert stopped > 1
+
+
+def test_a_loss_that_stays_the_same_is_not_a_better_one(make_trainer, small_bptt):
+    trainer = make_trainer(small_bptt(model="uni_b", seeds=3, epochs=9, bptt={"learning_rate": 1e-12, "patience": 2}))
+    state = finish(trainer)
+    losses = state.history[:, :, trainer.columns.index("validation_loss")]
+    assert (losses == losses[:, :1]).all()
+    assert state.epochs.tolist() == [3, 3, 3]
+    assert state.seed_state.tolist() == [SeedState.CONVERGED] * 3
+
+
+def test_the_last_weights_are_kept_and_the_best_beside_them(make_trainer, small_bptt):
+    trainer = make_trainer(small_bptt(seeds=4, epochs=12, bptt={"learning_rate": 0.2, "patience": 2}))
+    state, after = trainer.state, []
+    while not trainer.finished:
+        trainer.run_epoch()
+        after.append(state.weights.clone())
+    losses = state.history[:, :, trainer.columns.index("validation_loss")].nan_to_num(torch.inf)
+    for index in range(4):
+        best, last = int(losses[index].argmin()), int(state.epochs[index]) - 1
+        assert best == last - 2
+        assert torch.equal(state.best_weights[index], after[best][index])
+        assert torch.equal(state.weights[index], after[last][index])
+        assert not torch.equal(state.weights[index], state.best_weights[index])
+
+
+def test_a_seed_that_has_stopped_changes_no_more_and_costs_nothing(make_trainer, small_bptt, same_bits, forwards):
+    trainer = make_trainer(small_bptt(seeds=4, epochs=12, bptt={"learning_rate": 0.2, "patience": 2}))
+    state, ended = trainer.state, {}
+    while not trainer.finished:
+        training = state.training()
+        forwards.clear()
+        trainer.run_epoch()
+        assert [len(f.weights) for f in forwards] == [len(training)] * 3  # two batches and the validation
+        for index, end in ended.items():
+            assert same_bits(of_seed(state, index), end)
+        stopped = {index for index in range(4) if index not in state.training()}
+        ended |= {index: copy_of_seed(state, index) for index in stopped - ended.keys()}
+    assert len(ended) == 4
+    assert len(set(state.epochs.tolist())) > 2
+
+
+def copy_of_seed(state, index):
+    return {name: tensor.clone() for name, tensor in of_seed(state, index).items()}
+
+
+def test_a_training_ends_with_its_epochs(make_trainer, small_bptt):
+    trainer = make_trainer(small_bptt())
+    assert trainer.updates_per_epoch == 2
+    for epoch in range(3):
+        assert not trainer.finished
+        assert trainer.state.epoch == epoch
+        trainer.run_epoch()
+    assert trainer.finished
+    assert trainer.state.training() == [0, 1]
+    assert (trainer.state.epochs.tolist(), int(trainer.state.updates)) == ([3, 3], 6)
+
+
+# Losses that are no number
+
+
+@pytest.mark.parametrize(
+    ("part", "poisoned", "value"),
+    [
+        ("target", slice(32, None), float("nan")),
+        ("target", slice(32, 33), float("nan")),
+        ("target", slice(47, 48), float("inf")),
+        ("target", slice(63, 64), float("nan")),
+        ("start", slice(32, 33), float("nan")),
+        ("load", slice(32, 33), float("nan")),
+    ],
+    ids=["from then on", "once", "infinite once", "in the last batch", "start once", "load once"],
+)
+@pytest.mark.parametrize("model", ["cc_s", "uni_b"])
+def test_a_loss_that_is_no_number_ends_its_seed_before_the_update(
+    make_trainer, small_bptt, same_bits, forwards, model, part, poisoned, value
+):
+    config = small_bptt(model=model, seeds=3, bptt={"trials": 64, "learning_rate": 0.02})
+    sound = finish(make_trainer(config))
+    trainer = make_trainer(config)
+    state = trainer.state
+    trainer.run_epoch()
+    trials = epoch_order(1, 1, 64)[poisoned]
+    getattr(trainer._training, part)[1, trials] = value
+    batch = 1 + poisoned.start // 16
+    forwards.clear()
+    trainer.run_epoch()
+    assert state.seed_state.tolist() == [SeedState.TRAINING, SeedState.FAILED, SeedState.TRAINING]
+    assert state.failed_batch.tolist() == [0, batch, 0]
+    assert state.epochs.tolist() == [2, 1, 2]
+    before_it = [f.weights[1] for f in forwards if f.trains][batch - 2]  # the last ones whose loss was a number
+    assert same_bits(state.weights[1], before_it)
+    assert state.history[1, 1].isnan().all()
+    forwards.clear()
+    finish(trainer)
+    assert [len(f.weights) for f in forwards] == [2] * 5
+    for index in (0, 2):
+        assert same_bits(of_seed(state, index), of_seed(sound, index))
+    assert same_bits(state.weights[1], before_it)
+    assert state.weights.isfinite().all()
+    TrainingState.from_tensors(state.tensors(), 3, trainer.layout.width, len(trainer.columns))
+
+
+@pytest.mark.parametrize(
+    ("settings", "batch"),
+    [
+        ({"learning_rate": 1e39}, 1),
+        ({"learning_rate": 1e30}, 2),
+        ({"learning_rate": 1e20}, 2),
+        ({"penalty_coefficient": 1e20}, 1),
+    ],
+    ids=["weights overflow", "both overflow", "the loss overflows", "the gradient overflows"],
+)
+def test_numbers_beyond_all_range_end_every_seed_with_finite_weights(
+    make_trainer, small_bptt, same_bits, forwards, settings, batch
+):
+    trainer = make_trainer(small_bptt(bptt={"trials": 64, **settings}))
+    trainer.run_epoch()
+    state = trainer.state
+    assert trainer.finished
+    assert state.seed_state.tolist() == [SeedState.FAILED] * 2
+    assert state.failed_batch.tolist() == [batch] * 2
+    assert state.epochs.tolist() == [0, 0]
+    assert same_bits(state.weights, forwards[0].weights)  # the last ones whose loss was a number
+    assert state.weights.isfinite().all()
+    assert same_bits(state.best_weights, forwards[0].weights)
+
+
+# Interruption
+
+
+@pytest.mark.parametrize("after", [1, 3, 4])
+def test_an_epoch_that_is_not_to_go_on_leaves_the_state_and_can_be_done_again(
+    make_trainer, small_bptt, same_bits, after
+):
+    config = small_bptt(seeds=3, bptt={"trials": 64, "learning_rate": 0.02})
+    expected = finish(make_trainer(config))
+    trainer = make_trainer(config)
+    trainer.run_epoch()
+    before = copy_of(trainer.state)
+    asked = []
+
+    def goes_on(done):
+        asked.append(done)
+        assert same_bits(trainer.state.tensors(), before)
+        return done < after
+
+    assert not trainer.run_epoch(goes_on)
+    assert asked == list(range(1, after + 1))
+    assert same_bits(trainer.state.tensors(), before)
+    assert same_bits(finish(trainer).tensors(), expected.tensors())
+
+
+@pytest.mark.parametrize("epochs", [1, 4, 6])
+def test_a_state_goes_on_in_another_trainer_as_it_would_have(make_trainer, small_bptt, same_bits, epochs):
+    config = small_bptt(seeds=4, epochs=9, bptt={"learning_rate": 0.2, "patience": 2})
+    expected = finish(make_trainer(config))
+    first = make_trainer(config)
+    for _ in range(epochs):
+        first.run_epoch()
+    tensors = copy_of(first.state)
+    state = TrainingState.from_tensors(tensors, 4, first.layout.width, len(first.columns))
+    assert same_bits(finish(make_trainer(config, state)).tensors(), expected.tensors())
