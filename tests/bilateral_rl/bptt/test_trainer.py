@@ -324,6 +324,7 @@ def test_a_training_ends_with_its_epochs(make_trainer, small_bptt):
 @pytest.mark.parametrize(
     ("part", "poisoned", "value"),
     [
+        ("target", slice(0, 1), float("nan")),
         ("target", slice(32, None), float("nan")),
         ("target", slice(32, 33), float("nan")),
         ("target", slice(47, 48), float("inf")),
@@ -331,7 +332,7 @@ def test_a_training_ends_with_its_epochs(make_trainer, small_bptt):
         ("start", slice(32, 33), float("nan")),
         ("load", slice(32, 33), float("nan")),
     ],
-    ids=["from then on", "once", "infinite once", "in the last batch", "start once", "load once"],
+    ids=["in the first batch", "from then on", "once", "infinite once", "in the last batch", "start once", "load once"],
 )
 @pytest.mark.parametrize("model", ["cc_s", "uni_b"])
 def test_a_loss_that_is_no_number_ends_its_seed_before_the_update(
@@ -350,7 +351,8 @@ def test_a_loss_that_is_no_number_ends_its_seed_before_the_update(
     assert state.seed_state.tolist() == [SeedState.TRAINING, SeedState.FAILED, SeedState.TRAINING]
     assert state.failed_batch.tolist() == [0, batch, 0]
     assert state.epochs.tolist() == [2, 1, 2]
-    before_it = [f.weights[1] for f in forwards if f.trains][batch - 2]  # the last ones whose loss was a number
+    used = [f.weights[1] for f in forwards if f.trains]
+    before_it = used[max(batch - 2, 0)]  # the last ones whose loss was a number
     assert same_bits(state.weights[1], before_it)
     assert state.history[1, 1].isnan().all()
     forwards.clear()
@@ -386,6 +388,27 @@ def test_numbers_beyond_all_range_end_every_seed_with_finite_weights(
     assert same_bits(state.weights, forwards[0].weights)  # the last ones whose loss was a number
     assert state.weights.isfinite().all()
     assert same_bits(state.best_weights, forwards[0].weights)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_validation_loss_that_is_no_number_ends_its_seed(make_trainer, small_bptt, same_bits, forwards, value):
+    config = small_bptt(seeds=3, bptt={"trials": 64, "learning_rate": 0.02})
+    sound = finish(make_trainer(config))
+    trainer = make_trainer(config)
+    state = trainer.state
+    trainer.run_epoch()
+    best = state.best_weights[1].clone()
+    trainer._validation.target[1, 2] = value
+    forwards.clear()
+    finish(trainer)
+    assert state.seed_state.tolist() == [SeedState.TRAINING, SeedState.FAILED, SeedState.TRAINING]
+    assert state.failed_batch.tolist() == [0, 4, 0]
+    assert state.epochs.tolist() == [3, 1, 3]
+    assert same_bits(state.weights[1], forwards[3].weights[1])  # the last ones whose loss was a number
+    assert same_bits(state.best_weights[1], best)
+    assert state.history[1, 1:].isnan().all()
+    for index in (0, 2):
+        assert same_bits(of_seed(state, index), of_seed(sound, index))
 
 
 # Interruption
