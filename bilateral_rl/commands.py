@@ -52,19 +52,23 @@ def train(
 
 def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
+    _refuse_but(("timesteps", "epochs", "device"), given)
     folder = RunFolder.open(path)
     config = folder.config()
     allowed = ("epochs" if isinstance(config, BPTTConfig) else "timesteps", "device")
-    for name, value in given.items():
-        if value is not None and name not in allowed:
-            flag = name.rpartition(".")[2].replace("_", "-")
-            raise UserError(
-                f"A resumed run keeps its settings: --resume takes --{allowed[0]} and --device here, not --{flag}."
-            )
+    _refuse_but(allowed, given)
     values = config.to_values() | {name: given[name] for name in allowed if given[name] is not None}
     config = resolve(None, None, [values])
     check_device(config.device)
     _report_training(config, console, lambda progress: training.resume(folder, config, progress))
+
+
+def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
+    for name, value in given.items():
+        if value is not None and name not in allowed:
+            flag = name.rpartition(".")[2].replace("_", "-")
+            flags = " and ".join(f"--{one}" for one in allowed)
+            raise UserError(f"A resumed run keeps its settings: --resume takes {flags} here, not --{flag}.")
 
 
 def evaluate(

@@ -49,7 +49,7 @@ def _check_bptt(config: BPTTConfig) -> None:
     check_choice("profile", config.profile, PROFILES)
     check_choice("bptt.penalty", config.penalty, PENALTIES)
     _check_range("seeds", config.seeds, 1, MAX_SEEDS)
-    _check_range("seed + seeds", config.seed + config.seeds, 1, MAX_SEED)
+    _check_range("the last seed, seed + seeds - 1,", config.seed + config.seeds - 1, 0, MAX_SEED)
     _check_at_least("epochs", config.epochs, 1)
     _check_range("threads", config.threads, 0, MAX_SIZE)
     settings, trial = config.bptt, config.trial

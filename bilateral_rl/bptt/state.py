@@ -91,6 +91,20 @@ class TrainingState:
             if tuple(tensors[name].shape) != shape or tensors[name].dtype != tensor.dtype:
                 raise ValueError(f"its {name} is not a {tensor.dtype} tensor of shape {shape}")
         state = cls(**{name: tensors[name].clone() for name in names})
-        if not state.weights.isfinite().all() or not torch.isin(state.seed_state, torch.tensor(list(SeedState))).all():
+        if not state._makes_sense():
             raise ValueError("its numbers are out of range")
         return state
+
+    def _makes_sense(self) -> bool:
+        finite = (self.weights, self.first, self.second, self.best_weights)
+        known = torch.tensor(list(SeedState))
+        return bool(
+            all(tensor.isfinite().all() for tensor in finite)
+            and torch.isin(self.seed_state, known).all()
+            and (self.epochs >= 0).all()
+            and (self.epochs <= self.epoch).all()
+            and (self.waited >= 0).all()
+            and (self.failed_batch >= 0).all()
+            and self.updates >= 0
+            and not self.best_loss.isnan().any()
+        )

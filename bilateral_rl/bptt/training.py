@@ -59,6 +59,9 @@ def resume(folder: RunFolder, config: BPTTConfig, progress: Progress = UNWATCHED
         UserError: a damaged run, or one with nothing left to do.
     """
     check_device(config.device)
+    if "weights" not in folder.status() and not (folder.path / "resume.safetensors").exists():
+        again = f"bilateral-rl train --config {folder.path / 'config.yaml'}"
+        raise UserError(f"{folder.path} stopped before it was first saved; start anew with `{again}`.")
     layout = Layout(build_network(config))
     tensors = folder.load_resume()
     try:
@@ -67,8 +70,8 @@ def resume(folder: RunFolder, config: BPTTConfig, progress: Progress = UNWATCHED
         raise UserError(f"{folder.path / 'resume.safetensors'} is damaged: {error}.") from None
     finished = folder.status().get("state") in (FINISHED, FAILED)
     if finished and not state.training():
-        raise UserError(f"{folder.path} is complete: every seed has stopped by itself.")
-    if finished and state.epoch >= config.epochs:
+        raise UserError(f"{folder.path} is complete: every seed has stopped by itself, or failed.")
+    if state.epoch > config.epochs or (finished and state.epoch == config.epochs):
         raise UserError(f"{folder.path} has done its {state.epoch} epochs; give a larger --epochs to train it further.")
     folder.write_config(config)
     return _Run(folder, config, layout, state).go(progress)
@@ -95,10 +98,10 @@ class _Run:
         with contextlib.closing(trainer), contextlib.closing(board):
             self._save(RUNNING)
             finished = self._train(trainer, board, progress)
+            all_failed = bool((self._state.seed_state == SeedState.FAILED).all())
+            self._save(FAILED if all_failed else FINISHED if finished else INTERRUPTED)
             policies = self._policies()
             self._draw(board, policies)
-        all_failed = bool((self._state.seed_state == SeedState.FAILED).all())
-        self._save(FAILED if all_failed else FINISHED if finished else INTERRUPTED)
         notes = self._notes()
         if all_failed:
             raise UserError(" ".join([*notes, "Try a smaller bptt.learning_rate."]))

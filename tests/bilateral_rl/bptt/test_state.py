@@ -106,3 +106,15 @@ def test_an_unknown_seed_state_is_refused(tensors, value):
     tensors["seed_state"][0] = value
     with pytest.raises(ValueError, match="range"):
         TrainingState.from_tensors(tensors, S, WIDTH, COLUMNS)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("epochs", 99), ("epochs", -1), ("updates", -1), ("first", float("nan")), ("best_loss", float("nan"))],
+)
+def test_numbers_out_of_range_are_refused(name, value):
+    state = TrainingState.start(torch.zeros(2, 16), n_columns=3)
+    tensors = {key: tensor.clone() for key, tensor in state.tensors().items()}
+    tensors[name].fill_(value)
+    with pytest.raises(ValueError, match="out of range"):
+        TrainingState.from_tensors(tensors, 2, 16, 3)
