@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
@@ -35,10 +37,16 @@ class TrialRecord:
     """(n, T), hand to target after each step (m)."""
     start_distance: Float
     """(n,) m."""
+    observation: Float
+    """(n, T, 16), what the policy saw before each step."""
     excitation: Float
     """(n, T, 6), commands in [0, 1]."""
+    activation: Float
+    """(n, T, 6), of the muscles after each step, in [0, 1]."""
     vector_return: Float
     """(n, 2), dominant and non-dominant."""
+    arm: ArmParameters
+    """Whose trials these are; ``arm.timestep`` is the length of a step (s)."""
 
     def summary(self, threshold: float) -> dict[str, float]:
         """Means over the trials, in the units that people read: percent, cm, steps."""
@@ -95,21 +103,27 @@ class Evaluator:
         length = batch.settings.trial_length
         TrialStreams(batch, self._seeds).start(np.arange(batch.n, dtype=np.int32))
         hand = np.empty((batch.n, length + 1, 2), dtype=np.float32)
-        excitation = np.empty((batch.n, length, batch.excitation.shape[1]), dtype=np.float32)
+        observation = np.empty((batch.n, length, batch.observation.shape[1]), dtype=np.float32)
+        excitation, activation = np.empty((2, batch.n, length, batch.excitation.shape[1]), dtype=np.float32)
         hand[:, 0] = batch.hand
         for step in range(length):
+            observation[:, step] = batch.observation
             action, _ = policy.predict(batch.observation, deterministic=deterministic)
             batch.step(action)
             hand[:, step + 1] = batch.hand
             excitation[:, step] = batch.excitation
+            activation[:, step] = batch.muscle[:, ACTIVATION]
         return TrialRecord(
             hand=hand,
             target=batch.target.copy(),
             load=batch.load.copy(),
             distance=batch.distance.copy(),
             start_distance=batch.start_distance.copy(),
+            observation=observation,
             excitation=excitation,
+            activation=activation,
             vector_return=batch.vector_return.copy(),
+            arm=batch.settings.arm,
         )
 
 

@@ -135,6 +135,16 @@ class BilateralNetwork(MotorNetwork):
         self.output = _dense(half, n_outputs)
 
     def forward(self, observation: Tensor) -> Tensor:
+        d, n = self.hemispheres(observation)
+        combined = torch.zeros_like(d)
+        if self.lesion.output_of != "dominant":
+            combined = combined + self.combination_dominant * d
+        if self.lesion.output_of != "non_dominant":
+            combined = combined + self.combination_non_dominant * n
+        return self.output(combined)  # type: ignore[no-any-return]
+
+    def hemispheres(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """(…, n_inputs) to the last hidden layers of the dominant and the non-dominant side, (…, units / 2) each."""
         lesion = self.lesion
         d = torch.zeros_like(observation) if lesion.input_of == "dominant" else observation
         n = torch.zeros_like(observation) if lesion.input_of == "non_dominant" else observation
@@ -142,12 +152,7 @@ class BilateralNetwork(MotorNetwork):
             if k > 0:
                 d, n = self._exchange(d, n)
             d, n = torch.tanh(dominant(d)), torch.tanh(non_dominant(n))
-        combined = torch.zeros_like(d)
-        if lesion.output_of != "dominant":
-            combined = combined + self.combination_dominant * d
-        if lesion.output_of != "non_dominant":
-            combined = combined + self.combination_non_dominant * n
-        return self.output(combined)  # type: ignore[no-any-return]
+        return d, n
 
     def group_of(self, name: str) -> str:
         side = name.split(".")[0]
