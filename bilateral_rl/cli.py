@@ -73,7 +73,7 @@ def train(
     ] = None,
 ) -> None:
     """Train a model. The bare command trains cc_s to reach with PPO, in a few minutes."""
-    from bilateral_rl import commands
+    from bilateral_rl.commands import train as command
 
     flags: dict[str, Any] = {
         "timesteps": timesteps, "epochs": epochs, "seeds": seeds, "profile": profile,
@@ -90,9 +90,9 @@ def train(
             "set": overrides or None,
             "out": out,
         }
-        commands.resume(resume, given, console)
+        command.resume(resume, given, console)
         return
-    commands.train(algo, model, task, flags, config, overrides or [], out or RUNS, console)
+    command.train(algo, model, task, flags, config, overrides or [], out or RUNS, console)
 
 
 @app.command()
@@ -106,17 +106,17 @@ def evaluate(
     json: Annotated[Path | None, typer.Option(help="Write the table here; - is the terminal.")] = None,
 ) -> None:
     """Test a trained model and print its measures at goal radii of 2, 3 and 5 cm and its own."""
-    from bilateral_rl import commands
+    from bilateral_rl.commands import evaluate as command
 
-    commands.evaluate(run, trials, seed, deterministic, weights, csv, json, console)
+    command.evaluate(run, trials, seed, deterministic, weights, csv, json, console)
 
 
 @app.command("list")
 def list_(out: Out = RUNS) -> None:
     """Show the models, tasks and algorithms there are, and the runs made so far."""
-    from bilateral_rl import commands
+    from bilateral_rl.commands import list as command
 
-    commands.list_all(out, console)
+    command.list_all(out, console)
 
 
 def main() -> None:

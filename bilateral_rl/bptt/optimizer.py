@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import torch
@@ -27,6 +28,7 @@ class StackedAdam:
         epsilon: of Adam, as Keras adds it.
         clip_norm: of each variable's gradient.
         step: updates done before.
+        trained: names of the variables that it moves; None for all.
 
     Attributes:
         first, second: (S, width), Adam's moments.
@@ -43,6 +45,7 @@ class StackedAdam:
         epsilon: float,
         clip_norm: float,
         step: int = 0,
+        trained: Collection[str] | None = None,
     ) -> None:
         self._rollout, self._losses, self._layout = rollout, losses, rollout.layout
         self.learning_rate, self.epsilon, self.clip_norm, self.step_count = learning_rate, epsilon, clip_norm, step
@@ -57,7 +60,8 @@ class StackedAdam:
         ends = [v.offset + v.size for v in variables]
         self._offsets = self._integers([0, *ends])
         self._non_negative = self._integers([v.non_negative for v in variables])
-        self._trains = torch.ones(self.norms.shape, dtype=torch.int32, device=rollout.device)
+        self._trained = self._integers([trained is None or v.name in trained for v in variables])
+        self._trains = self._trained.repeat(len(self.norms), 1)
         self._kernels = optimizer_kernels(rollout.real)
 
     def gradient(self) -> Tensor:
@@ -70,7 +74,7 @@ class StackedAdam:
     def step(self, moves: Tensor | None = None) -> None:
         """Move the networks by the last :meth:`gradient`; only those that ``moves`` (S,) bool names, if given."""
         self.step_count += 1
-        self._trains[:] = 1 if moves is None else moves.to(self._trains)[:, None]
+        self._trains[:] = self._trained if moves is None else moves.to(self._trains)[:, None] * self._trained
         correction = math.sqrt(1.0 - BETA_2**self.step_count) / (1.0 - BETA_1**self.step_count)
         self._launch(
             self._kernels.adam,

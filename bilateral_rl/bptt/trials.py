@@ -11,7 +11,7 @@ from bilateral_rl.envs.arm import Arm
 from bilateral_rl.envs.tasks import Task
 from bilateral_rl.envs.trials import TrialSettings
 
-_WEIGHTS, _TRAINING, _VALIDATION, _ORDER = range(4)
+_WEIGHTS, _TRAINING, _VALIDATION, _ORDER, _RETRAINING = range(5)
 """A seed's random streams; none depends on how much of another was used."""
 
 
@@ -28,6 +28,11 @@ def training_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> T
 def validation_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
     """The ``n`` trials that decide when the seed stops, each tensor (n, 2)."""
     return _draw(_sequence(seed, _VALIDATION), n, task, settings)
+
+
+def retraining_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
+    """The ``n`` trials by which the seed's output layer adapts to a lesion, each tensor (n, 2)."""
+    return _draw(_sequence(seed, _RETRAINING), n, task, settings)
 
 
 def epoch_order(seed: int, epoch: int, n: int) -> NDArray[np.int64]:

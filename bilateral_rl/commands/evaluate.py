@@ -1,0 +1,58 @@
+"""`bilateral-rl evaluate`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+
+from bilateral_rl.commands.writing import finite, write
+from bilateral_rl.controllers import load_policies, parse_run
+from bilateral_rl.errors import UserError
+from bilateral_rl.evaluation import Evaluator, TrialRecord, summaries
+from bilateral_rl.reports import measures_table
+
+
+def evaluate(
+    run: str,
+    trials: int,
+    seed: int,
+    deterministic: bool,
+    weights: str,
+    csv: Path | None,
+    json_file: Path | None,
+    console: Console,
+) -> None:
+    """Test a run's policies, or one of them, and print, and perhaps write, their measures."""
+    if trials < 1 or seed < 0:
+        raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    folder, only = parse_run(run)
+    config = folder.config()
+    evaluator = Evaluator(config.task, config.trial, trials, seed)
+    policies = load_policies(folder, weights, only)
+    records = {own: evaluator.run(policy, deterministic) for own, policy in policies.items()}
+    console.print(measures_table(records, config, f"{run} ({weights}), {trials} trials of seed {seed}"))
+    threshold = config.trial.threshold
+    if csv is not None:
+        tables = [record.table(threshold).assign(seed=own) for own, record in records.items()]
+        write(csv, pd.concat(tables).to_csv(index=False))
+    if json_file is not None:
+        head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
+        by_seed = {own: _by_threshold(record, threshold) for own, record in records.items()}
+        measures = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
+        write(json_file, json.dumps(finite(head | measures), indent=2, allow_nan=False) + "\n")
+
+
+def _by_threshold(record: TrialRecord, threshold: float) -> dict[str, dict[str, float]]:
+    return {f"{radius:g}": values for radius, values in summaries(record, threshold).items()}
+
+
+def _means(tables: Sequence[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
+    """Means over the seeds, of what is a number in any."""
+    return {
+        radius: {name: float(pd.Series([table[radius][name] for table in tables]).mean()) for name in values}
+        for radius, values in tables[0].items()
+    }

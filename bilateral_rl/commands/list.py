@@ -1,0 +1,47 @@
+"""`bilateral-rl list`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from bilateral_rl.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
+from bilateral_rl.errors import UserError
+from bilateral_rl.run_folder import find_runs
+
+
+def list_all(out: Path, console: Console) -> None:
+    """Print what there is to choose from, and the runs."""
+    models = Table("model", "architecture", "trained by", "", title="Models", title_justify="left")
+    for name, model in MODELS.items():
+        models.add_row(name, model.architecture, model.loss, model.description)
+    console.print(models)
+    for title, entries in (("Tasks", TASK_DESCRIPTIONS), ("Algorithms", ALGORITHMS)):
+        table = Table("name", "", title=title, title_justify="left")
+        for name, description in entries.items():
+            table.add_row(name, description)
+        console.print(table)
+    runs = find_runs(out)
+    if not runs:
+        console.print(f"No runs below {out} yet; `bilateral-rl train` makes one.")
+        return
+    table = Table("run", "state", "done", title="Runs", title_justify="left")
+    for run in runs:
+        try:
+            status = run.status()
+        except UserError:
+            status = {"state": "damaged"}
+        table.add_row(escape(str(run.path)), escape(status.get("state", "?")), _done(status))
+    console.print(table)
+
+
+def _done(status: Mapping[str, Any]) -> str:
+    if "epochs" in status:
+        seeds = len(status.get("seeds", []))
+        return f"{status['epochs']} epochs" + (f" of {seeds} seeds" if seeds > 1 else "")
+    return f"{status['timesteps']:,} steps" if status.get("timesteps") else ""

@@ -1,0 +1,34 @@
+"""Files that commands write: whole or not at all, - for the terminal, and numbers that JSON can hold."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from bilateral_rl.errors import UserError
+from bilateral_rl.run_folder import replacing
+
+
+def write(path: Path, text: str) -> None:
+    """Write ``text`` into ``path``, or to the terminal if it is ``-``. Raises UserError if it cannot be written."""
+    if str(path) == "-":
+        sys.stdout.write(text)
+        return
+    try:
+        path = path.resolve()
+        if path.exists() and not path.is_file():
+            path.write_text(text, encoding="utf-8")  # a device or a pipe: nothing to replace
+            return
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"Cannot write {path}: {error.strerror}.") from None
+
+
+def finite(value: Any) -> Any:
+    """``value`` with None for numbers that JSON cannot hold."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
