@@ -111,6 +111,85 @@ def evaluate(
     command.evaluate(run, trials, seed, deterministic, weights, csv, json, console)
 
 
+@app.command()
+def lesion(
+    run: Run,
+    lesions: Annotated[
+        list[str] | None,
+        typer.Option("--lesion", help="Only this one; may be repeated.", show_default="all that the model can have"),
+    ] = None,
+    retrain: Annotated[bool, typer.Option(help="Also train the output layer for one epoch in each state.")] = True,
+    profile: Annotated[
+        str | None,
+        typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
+    out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="RUN-lesions")] = None,
+) -> None:
+    """Lesion a trained model in every way it can be, each without and with an epoch of retraining."""
+    from bilateral_rl.commands import lesion as command
+
+    command.lesion(run, lesions, retrain, profile, trials, seed, weights, out, console)
+
+
+@app.command()
+def compare(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="Two or more; or one, to compare its lesions.")],
+    metrics: Annotated[
+        list[str] | None,
+        typer.Option("--metric", help="Such as effort; may be repeated.", show_default="the task's preferred one"),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
+) -> None:
+    """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""
+    from bilateral_rl.commands import compare as command
+
+    command.compare_runs(runs, metrics, trials, seed, csv, console)
+
+
+@app.command()
+def render(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="One run or several side by side; RUN:SEED.")],
+    out: Annotated[Path | None, typer.Option(help="An .mp4 or .gif file.", show_default="RUN.mp4")] = None,
+    trials: Annotated[int, typer.Option(help="How many, one after another.")] = 4,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",
+    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the runs.")] = "final",
+    slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's.")] = 5,
+    size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
+) -> None:
+    """Make a video of trained models doing the same trials, muscles colored by activation."""
+    from bilateral_rl.video.command import render as command
+
+    command(runs, out, trials, seed, lesion, weights, slow_down, size, console)
+
+
+@app.command()
+def reproduce(
+    algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo.")] = "bptt",
+    profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
+    seeds: Annotated[int | None, typer.Option(help="Of each model.", show_default="10; 3 if quick")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A preview: 3 seeds, short trainings.")] = False,
+    jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (bilateral-rl[ray])."),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the study.", show_default="runs/reproduce-…")] = None,
+) -> None:
+    """Reproduce the whole paper: seven models, two tasks, lesions, statistics, figures, and a report with verdicts."""
+    from bilateral_rl.commands import reproduce as command
+
+    command.reproduce(algo, profile, seeds, quick, jobs, ray, overrides or [], out, console)
+
+
 @app.command("list")
 def list_(out: Out = RUNS) -> None:
     """Show the models, tasks and algorithms there are, and the runs made so far."""

@@ -16,6 +16,7 @@ from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, TrialSettings
 from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.threads import one_torch_thread
 
 REPORTED_THRESHOLDS = (0.02, 0.03, 0.05)
 """Goal radii that every report gives (m; paper section 3)."""
@@ -99,6 +100,10 @@ class Evaluator:
 
     def run(self, policy: BilateralActorCriticPolicy, deterministic: bool = True) -> TrialRecord:
         """Every trial once, under ``policy``."""
+        with one_torch_thread():
+            return self._run(policy, deterministic)
+
+    def _run(self, policy: BilateralActorCriticPolicy, deterministic: bool) -> TrialRecord:
         batch = self._batch
         length = batch.settings.trial_length
         TrialStreams(batch, self._seeds).start(np.arange(batch.n, dtype=np.int32))

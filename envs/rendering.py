@@ -26,6 +26,7 @@ _FLEXION, _EXTENSION = 1.0, -1.0
 _TRUNK = -0.13 * np.array((math.cos(math.radians(15)), math.sin(math.radians(15))))  # where the shoulder girdle begins
 _LOAD_SCALE, _LOAD_MAX_LENGTH = 0.01, 0.2  # m/N, m
 _MAX_PATH_SEGMENTS = 400
+_LINE_SPACING = 0.05  # of the caption (m)
 
 _WHITE, _INK, _FAINT, _WORKSPACE = (255, 255, 255), (60, 60, 60), (212, 216, 222), (247, 248, 250)
 _BONE, _BONE_EDGE, _TENDON, _MUSCLE_EDGE = (235, 231, 222), (140, 136, 128), (150, 125, 120), (110, 70, 65)
@@ -64,7 +65,7 @@ class Scene(NamedTuple):
     path: NDArray[Any]  # (k, 2) hand positions so far (m), k may be 0
     threshold: float  # radius of the goal (m)
     load: NDArray[Any]  # (2,) force on the hand (N)
-    caption: str = ""
+    caption: str = ""  # one or several lines
 
 
 def draw(arm: ArmParameters, scene: Scene, size: int = 480) -> NDArray[np.uint8]:
@@ -84,16 +85,16 @@ def draw(arm: ArmParameters, scene: Scene, size: int = 480) -> NDArray[np.uint8]
         canvas.line(np.stack((np.subtract(scene.target, offset), np.add(scene.target, offset))), _GOAL, 1.5)
     if load.any():
         _draw_load(canvas, joints[-1], load)
-    if scene.caption:
-        canvas.text((0.03 - canvas.half, canvas.half - 0.045), scene.caption, centered=False)
+    for i, line in enumerate(scene.caption.splitlines()):
+        canvas.text((0.03 - canvas.half, canvas.half - 0.045 - i * _LINE_SPACING), line, centered=False)
     return canvas.picture()
 
 
-def tile(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Pictures of one shape (h, w, 3) in a near-square grid, row by row; empty cells are white."""
+def tile(frames: Sequence[NDArray[np.uint8]], columns: int | None = None) -> NDArray[np.uint8]:
+    """Pictures of one shape (h, w, 3) in a grid, near-square or of ``columns``, row by row; empty cells are white."""
     if not len(frames):
         raise ValueError("tile needs at least one picture.")
-    columns = math.ceil(math.sqrt(len(frames)))
+    columns = columns or math.ceil(math.sqrt(len(frames)))
     rows = math.ceil(len(frames) / columns)
     height, width, channels = frames[0].shape
     grid = np.full((rows * columns, height, width, channels), 255, dtype=np.uint8)

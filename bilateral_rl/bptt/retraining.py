@@ -18,6 +18,7 @@ from bilateral_rl.config import SupervisedConfig
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.policies.lesions import Lesion
+from bilateral_rl.threads import one_torch_thread
 
 TRAINED = ("output.weight", "output.bias")
 """The variables of the output layer."""
@@ -66,7 +67,8 @@ class Retraining:
         """
         workers = Workers(self._threads)
         try:
-            return self._train(self._rollout(len(seeds), workers), weights, seeds, lesion, on_update)
+            with one_torch_thread():
+                return self._train(self._rollout(len(seeds), workers), weights, seeds, lesion, on_update)
         finally:
             workers.close()
 

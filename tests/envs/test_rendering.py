@@ -160,6 +160,16 @@ def test_caption_is_at_the_top():
     assert rows.max() < SIZE // 12
 
 
+def test_caption_lines_stand_one_below_the_other_from_the_same_left_edge():
+    first = changed(picture(caption="reach"), picture())
+    both = changed(picture(caption="reach\nreach"), picture())
+    np.testing.assert_array_equal(both & first, first)
+    (rows, columns), (first_rows, first_columns) = np.nonzero(both & ~first), np.nonzero(first)
+    assert rows.min() > first_rows.max()
+    assert rows.max() < SIZE // 8
+    assert (columns.min(), columns.max()) == (first_columns.min(), first_columns.max())
+
+
 @pytest.mark.parametrize(("n", "rows", "columns"), [(1, 1, 1), (2, 1, 2), (3, 2, 2), (4, 2, 2), (5, 2, 3)])
 def test_tile_is_near_square_and_row_by_row(n, rows, columns):
     frames = [np.full((4, 6, 3), i, dtype=np.uint8) for i in range(n)]
@@ -168,6 +178,12 @@ def test_tile_is_near_square_and_row_by_row(n, rows, columns):
     assert grid.dtype == np.uint8
     cells = grid[::4, ::6, 0].ravel()
     np.testing.assert_array_equal(cells, [*range(n), *[255] * (rows * columns - n)])
+
+
+def test_tile_takes_the_columns_that_it_is_given():
+    frames = [np.full((4, 6, 3), i, dtype=np.uint8) for i in range(5)]
+    assert tile(frames[:3], columns=3).shape == (4, 18, 3)
+    np.testing.assert_array_equal(tile(frames, columns=2)[::4, ::6, 0], [[0, 1], [2, 3], [4, 255]])
 
 
 def test_tile_of_nothing_raises():

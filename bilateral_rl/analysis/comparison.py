@@ -1,0 +1,183 @@
+"""Models compared with each other, and the lesions of one model, as tables that commands print and figures draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from bilateral_rl.analysis.bootstrap import bootstrap_difference, bootstrap_mean, bootstrap_ratio
+from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g
+from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.analysis.samples import Float, align, finite, join_notes
+from bilateral_rl.analysis.statistics import (
+    OmnibusTest,
+    anova,
+    games_howell,
+    holm,
+    paired_test,
+    tukey_hsd,
+    welch_anova,
+)
+from bilateral_rl.errors import UserError
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Groups of seeds side by side."""
+
+    metric: str
+    task: str
+    groups: pd.DataFrame
+    """Index: the group's name; columns mean, sd, n, low and high (95 % bootstrap interval of the mean), note."""
+    pairs: pd.DataFrame
+    """A row a pair, ``first`` and ``second`` in the order of ``groups``; what the columns are, the functions say."""
+
+    def matrix(self, column: str) -> pd.DataFrame:
+        """One column of ``pairs`` as a square table over the groups, such as the p-values of a post-hoc test.
+
+        A difference or an effect of (second, first) is minus that of (first, second), a p-value is the same; the
+        diagonal is nan. Raises KeyError for a column that has no such rule.
+        """
+        sign = {"difference": -1.0, "g": -1.0}.get(column, 1.0)
+        if sign > 0 and not column.startswith("p_"):
+            raise KeyError(column)
+        names = self.groups.index
+        table = pd.DataFrame(np.nan, index=names, columns=names)
+        for first, second, value in zip(self.pairs["first"], self.pairs["second"], self.pairs[column], strict=True):
+            table.loc[first, second], table.loc[second, first] = value, sign * value
+        return table
+
+
+@dataclass(frozen=True)
+class ModelComparison(Comparison):
+    """Independent groups, and whether any of them differs: the paper's test and the one without equal variances."""
+
+    anova: OmnibusTest
+    welch: OmnibusTest
+
+
+def compare(results: pd.DataFrame, metric: str, task: str, models: Sequence[str] | None = None) -> ModelComparison:
+    """Intact models compared by one metric, seeds as the unit.
+
+    The columns of ``pairs``: difference of the means (first − second) with its bootstrap interval ``low`` to ``high``;
+    ``ratio`` of the means (first / second) with ``ratio_low`` to ``ratio_high``, likewise; Hedges' ``g`` with its
+    exact interval ``g_low`` to ``g_high``; ``p_tukey`` (Tukey's HSD, the paper's way); ``p_games_howell``; ``note``.
+
+    Args:
+        results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm or with a ``model`` for each.
+        metric: name of the metric.
+        task: id of the task.
+        models: labels in the ``model`` column, in the order wanted; None for all, in the table's order.
+
+    Raises:
+        UserError: fewer than two groups, a group without values, or two values of one seed.
+    """
+    if models is None:
+        rows = results[(results["metric"] == metric) & (results["task"] == task) & (results["lesion"] == INTACT)]
+        models = list(dict.fromkeys(rows["model"]))
+    if len(set(models)) < 2:
+        raise UserError(f"A comparison of {metric} in {task} needs results of two models or more, got {len(models)}.")
+    samples = {model: values_by_seed(results, metric, task, model) for model in dict.fromkeys(models)}
+    for model, values in samples.items():
+        _check_found(values, model, metric, task)
+    arrays = [values.to_numpy(dtype=np.float64) for values in samples.values()]
+    pairs = _model_pairs(list(samples), arrays)
+    return ModelComparison(metric, task, _groups(samples), pairs, anova(arrays), welch_anova(arrays))
+
+
+def compare_lesions(results: pd.DataFrame, metric: str, task: str, model: str, retrained: bool = True) -> Comparison:
+    """The intact network and its lesions, each against each, paired by seed.
+
+    The columns of ``pairs``: ``n`` seeds that both have; the mean difference (first − second) with its interval
+    ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs with ``g_low`` to ``g_high``; ``p_paired`` of the
+    paired t test alone; ``p_holm``, adjusted for all pairs of the table; ``note``.
+
+    Args:
+        results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
+        metric: name of the metric.
+        task: id of the task.
+        model: label in the ``model`` column.
+        retrained: whether of the networks whose output layer was retrained, the intact one's too, so that a lesion is
+            all that sets them apart.
+
+    Raises:
+        UserError: no intact or no lesioned network in the table, or two values of one seed.
+    """
+    rows = results[
+        (results["metric"] == metric)
+        & (results["task"] == task)
+        & (results["model"] == model)
+        & (results["retrained"] == retrained)
+    ]
+    found = list(dict.fromkeys(rows["lesion"]))
+    if INTACT not in found or len(found) < 2:
+        state = "retrained" if retrained else "not retrained"
+        raise UserError(
+            f"A comparison of lesions needs {metric} in {task} of {model}, {state}, intact and with a lesion; "
+            f"there is {', '.join(found) or 'nothing'}: run `bilateral-rl lesion` first."
+        )
+    states = [INTACT, *(name for name in found if name != INTACT)]
+    samples = {state: values_by_seed(results, metric, task, model, state, retrained) for state in states}
+    return Comparison(metric, task, _groups(samples), _lesion_pairs(samples))
+
+
+def values_by_seed(
+    results: pd.DataFrame, metric: str, task: str, model: str, lesion: str = INTACT, retrained: bool = False
+) -> pd.Series:
+    """:func:`bilateral_rl.analysis.results.by_seed`, one value a seed. Raises UserError where there are several."""
+    values = by_seed(results, metric, task, model, lesion, retrained)
+    if values.index.has_duplicates:
+        seed = values.index[values.index.duplicated()][0]
+        raise UserError(
+            f"The results hold several values of {metric} in {task} for seed {seed} of {model} ({lesion}); compare one "
+            "algorithm and one run at a time, or give every run a label of its own."
+        )
+    return values
+
+
+def _check_found(values: pd.Series, model: str, metric: str, task: str) -> None:
+    if values.empty:
+        raise UserError(f"There are no results of {metric} in {task} for {model}; evaluate it first, or leave it out.")
+
+
+def _groups(samples: dict[str, pd.Series]) -> pd.DataFrame:
+    rows = {}
+    for name, values in samples.items():
+        mean, numbers = bootstrap_mean(values), finite(values)
+        sd = float(numbers.std(ddof=1)) if mean.n > 1 else float("nan")
+        rows[name] = {"mean": mean.value, "sd": sd, "n": mean.n, "low": mean.low, "high": mean.high, "note": mean.note}
+    return pd.DataFrame.from_dict(rows, orient="index")
+
+
+def _model_pairs(names: Sequence[str], samples: Sequence[Float]) -> pd.DataFrame:
+    tukey, howell = tukey_hsd(samples), games_howell(samples)
+    rows = []
+    for (i, j), test in howell.items():
+        a, b = samples[i], samples[j]
+        difference, ratio, g = bootstrap_difference(a, b), bootstrap_ratio(a, b), hedges_g(a, b)
+        row = {"first": names[i], "second": names[j], **_columns("difference", "", difference)}
+        row |= _columns("ratio", "ratio_", ratio) | _columns("g", "g_", g)
+        row |= {"p_tukey": tukey[i, j].p, "p_games_howell": test.p, "note": join_notes(test.note, ratio.note)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _lesion_pairs(samples: dict[str, pd.Series]) -> pd.DataFrame:
+    rows = []
+    for first, second in combinations(samples, 2):
+        a, b = align(samples[first], samples[second])
+        difference, test = difference_interval(a, b, paired=True), paired_test(a, b)
+        row = {"first": first, "second": second, "n": difference.n, **_columns("difference", "", difference)}
+        row |= _columns("g", "g_", hedges_g(a, b, paired=True)) | {"p_paired": test.p, "note": test.note}
+        rows.append(row)
+    table = pd.DataFrame(rows)
+    table.insert(list(table).index("p_paired") + 1, "p_holm", holm(table["p_paired"]))
+    return table
+
+
+def _columns(name: str, prefix: str, interval: Interval) -> dict[str, object]:
+    return {name: interval.value, f"{prefix}low": interval.low, f"{prefix}high": interval.high}

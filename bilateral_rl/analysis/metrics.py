@@ -1,0 +1,228 @@
+"""Every metric of the studies, as data: what it is called, what it means, in which task, and how it is computed.
+
+A metric's value is that of a seed: the mean over its trials, those left out in which it has no meaning (nan where it
+has none in any). The metrics of a goal carry the goal's radius in their name: ``goal_completion_5cm``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bilateral_rl.analysis import kinematics, smoothness
+from bilateral_rl.catalogue import check_choice
+from bilateral_rl.envs.measures import TrialMeasures, trial_measures
+from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach
+from bilateral_rl.errors import UserError
+from bilateral_rl.evaluation import TrialRecord
+
+_REACH, _HOLD = (RandomReach.id,), (HoldPosition.id,)
+_BOTH = _REACH + _HOLD
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number that sums up the trials of one seed."""
+
+    name: str
+    """In tables and commands."""
+    label: str
+    """On axes and in reports, without the unit."""
+    unit: str
+    """Empty for a number without one."""
+    tasks: tuple[str, ...]
+    """Ids of the tasks in which it means something."""
+    better: Literal["higher", "lower"] | None
+    """None where neither is."""
+    definition: str
+    """One sentence, with its source."""
+    value: Callable[[TrialRecord], float]
+    """Of a seed, from all its trials; nan where none has one."""
+
+
+def metrics_of(task: str, thresholds: Sequence[float]) -> list[Metric]:
+    """All metrics that mean something in ``task``, those of a goal at each of its radii ``thresholds`` (m).
+
+    Raises UserError for a task that there is not.
+    """
+    check_choice("task", task, TASKS)
+    of_goals = [make(radius) for make in _OF_GOALS.values() for radius in dict.fromkeys(thresholds)]
+    return [metric for metric in (*of_goals, *_OF_TRIALS.values()) if task in metric.tasks]
+
+
+def find_metric(name: str) -> Metric:
+    """The metric called ``name``. Raises UserError naming those there are."""
+    if name in _OF_TRIALS:
+        return _OF_TRIALS[name]
+    of_goal = re.fullmatch(r"(\w+)_(\d+(?:\.\d+)?)cm", name)
+    if of_goal and of_goal[1] in _OF_GOALS and float(of_goal[2]) > 0:
+        return _OF_GOALS[of_goal[1]](float(of_goal[2]) / 100)
+    with_radius = ", ".join(f"{start}_<radius>cm" for start in _OF_GOALS)
+    raise UserError(
+        f"Unknown metric {name!r}; choose from {', '.join(_OF_TRIALS)}, or with the goal's radius, as in "
+        f"goal_completion_5cm, from {with_radius}."
+    )
+
+
+def preferred_metric(task: str, threshold: float) -> str:
+    """The name of what the paper judges ``task`` by (section 7), at a goal of radius ``threshold`` (m).
+
+    Completed reaches, or the time in the goal in a hold. Raises UserError for a task that there is not.
+    """
+    check_choice("task", task, TASKS)
+    start = {RandomReach.id: "goal_completion", HoldPosition.id: "time_in_goal"}[task]
+    return f"{start}_{threshold_name(threshold)}"
+
+
+def threshold_name(radius: float) -> str:
+    """A goal's radius (m) as metrics spell it: ``5cm``, ``4.5cm``."""
+    return f"{100 * radius:.6g}cm"
+
+
+def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
+    """The value of each of ``metrics`` over all trials of ``record``, by name."""
+    return {metric.name: metric.value(record) for metric in metrics}
+
+
+def specialization_index(dominant: ArrayLike, non_dominant: ArrayLike) -> NDArray[np.float64]:
+    """(d − n) / (d + n): 1 where only the dominant side can do the task, −1 where only the non-dominant one can.
+
+    The laterality index (Leask & Crow 1997, doi:10.1016/s0028-3932(97)00059-6) of performance. nan where both are 0 or
+    one is nan.
+
+    Args:
+        dominant: :func:`preferred_metric` with the non-dominant side lesioned, so that the dominant one works; at
+            least 0, one number or one for each seed.
+        non_dominant: the same with the dominant side lesioned, seeds in the same order.
+    """
+    d, n = np.asarray(dominant, dtype=np.float64), np.asarray(non_dominant, dtype=np.float64)
+    return np.asarray((d - n) / np.where(d + n > 0, d + n, np.nan))
+
+
+def _mean(values: ArrayLike, scale: float = 1.0) -> float:
+    """``scale`` times the mean of the values that are not nan; nan where all are."""
+    numbers = np.asarray(values, dtype=np.float64)
+    numbers = numbers[~np.isnan(numbers)]
+    return scale * float(numbers.mean()) if len(numbers) else float("nan")
+
+
+def _measures(record: TrialRecord, radius: float) -> TrialMeasures:
+    return trial_measures(record.distance, record.start_distance, radius)
+
+
+def _goal_completion(radius: float) -> Metric:
+    return Metric(
+        name=f"goal_completion_{threshold_name(radius)}",
+        label=f"Goal completion within {100 * radius:.6g} cm",
+        unit="%",
+        tasks=_REACH,
+        better="higher",
+        definition="Share of trials whose hand comes within the goal's radius of the target and stays for three "
+        "consecutive steps (paper section 3).",
+        value=lambda record: _mean(_measures(record, radius).goal_completion, 100),
+    )
+
+
+def _speed_to_goal(radius: float) -> Metric:
+    return Metric(
+        name=f"speed_to_goal_{threshold_name(radius)}",
+        label=f"Speed to goal of {100 * radius:.6g} cm",
+        unit="cm/step",
+        tasks=_REACH,
+        better="higher",
+        definition="Distance from start to target over the steps until the goal is reached, in the trials that "
+        "complete it (paper section 3).",
+        value=lambda record: _mean(_measures(record, radius).speed_to_goal, 100),
+    )
+
+
+def _time_in_goal(radius: float) -> Metric:
+    return Metric(
+        name=f"time_in_goal_{threshold_name(radius)}",
+        label=f"Time within {100 * radius:.6g} cm",
+        unit="steps",
+        tasks=_BOTH,
+        better="higher",
+        definition="Steps after which the hand is within the goal's radius of the target (paper section 3).",
+        value=lambda record: _mean(_measures(record, radius).time_in_goal),
+    )
+
+
+_OF_GOALS: dict[str, Callable[[float], Metric]] = {
+    "goal_completion": _goal_completion,
+    "speed_to_goal": _speed_to_goal,
+    "time_in_goal": _time_in_goal,
+}
+"""By the start of their names, from a goal's radius (m)."""
+
+
+def _speed(record: TrialRecord) -> NDArray[np.float64]:
+    return kinematics.hand_speed(record.hand, record.arm.timestep)
+
+
+# fmt: off
+_OF_TRIALS: dict[str, Metric] = {metric.name: metric for metric in (
+    Metric("final_error", "Final error", "cm", _BOTH, "lower",
+           "Distance from hand to target after the last step (paper section 3).",
+           lambda record: _mean(record.distance[:, -1], 100)),
+    Metric("end_point_variability", "End-point variability", "cm", _BOTH, "lower",
+           "Root mean squared distance of the trials' end-point errors from their mean, the bivariate variable error "
+           "(Hancock et al. 1995, doi:10.1080/00222895.1995.9941714).",
+           lambda record: 100 * kinematics.end_point_variability(record.hand, record.target)),
+    Metric("path_length_ratio", "Path length ratio", "", _REACH, "lower",
+           "Length of the hand's path over the straight distance from start to target; 1 is straight, less fell short "
+           "(Coderre et al. 2010, doi:10.1177/1545968309356091).",
+           lambda record: _mean(kinematics.path_length_ratio(record.hand, record.target))),
+    Metric("perpendicular_deviation", "Maximal perpendicular deviation", "cm", _REACH, "lower",
+           "Largest distance of the hand from the line through start and target "
+           "(Atkeson & Hollerbach 1985, doi:10.1523/JNEUROSCI.05-09-02318.1985).",
+           lambda record: _mean(kinematics.perpendicular_deviation(record.hand, record.target), 100)),
+    Metric("initial_direction_error", "Initial direction error", "deg", _REACH, "lower",
+           "Angle between the directions from the start to the target and to the hand at peak speed "
+           "(Krakauer et al. 2000, doi:10.1523/JNEUROSCI.20-23-08916.2000).",
+           lambda record: _mean(np.degrees(kinematics.initial_direction_error(record.hand, record.target)))),
+    Metric("peak_speed", "Peak hand speed", "cm/s", _REACH, None,
+           "Speed of the hand in its fastest step (Coderre et al. 2010, doi:10.1177/1545968309356091).",
+           lambda record: _mean(kinematics.peak_speed(record.hand, record.arm.timestep), 100)),
+    Metric("time_to_peak_speed", "Time to peak hand speed", "ms", _REACH, None,
+           "Time from the start of the trial to the middle of the hand's fastest step "
+           "(Messier & Kalaska 1999, doi:10.1007/s002210050669).",
+           lambda record: _mean(kinematics.time_to_peak_speed(record.hand, record.arm.timestep), 1000)),
+    Metric("sparc", "Smoothness (SPARC)", "", _REACH, "higher",
+           "Spectral arc length of the hand's speed over the whole trial "
+           "(Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).",
+           lambda record: _mean(smoothness.sparc(_speed(record), record.arm.timestep))),
+    Metric("ldlj", "Smoothness (LDLJ)", "", _REACH, "higher",
+           "Log dimensionless jerk of the hand's speed over the whole trial "
+           "(Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).",
+           lambda record: _mean(smoothness.ldlj(_speed(record), record.arm.timestep))),
+    Metric("hold_rms_error", "RMS error in hold", "cm", _HOLD, "lower",
+           "Root mean squared distance from hand to target after each step, from the first to the last (ours).",
+           lambda record: _mean(kinematics.rms_error(record.hand, record.target), 100)),
+    Metric("hold_speed", "Hand speed in hold", "cm/s", _HOLD, "lower",
+           "Mean speed of the hand over all steps, the posture speed "
+           "(Coderre et al. 2010, doi:10.1177/1545968309356091).",
+           lambda record: _mean(kinematics.mean_speed(record.hand, record.arm.timestep), 100)),
+    Metric("effort", "Effort", "s", _BOTH, "lower",
+           "Integral over the trial of the sum of the muscles' squared excitations "
+           "(Pedotti et al. 1978, doi:10.1016/0025-5564(78)90018-4).",
+           lambda record: _mean(kinematics.effort(record.excitation, record.arm.timestep))),
+    Metric("force_effort", "Effort scaled by maximal force", "s", _BOTH, "lower",
+           "Integral over the trial of the sum of squares of the excitations, each times its muscle's maximal "
+           "force over the mean maximal force "
+           "(Pedotti et al. 1978, doi:10.1016/0025-5564(78)90018-4).",
+           lambda record: _mean(kinematics.force_effort(
+               record.excitation, record.arm.max_isometric_force, record.arm.timestep))),
+    Metric("return_dominant", "Return of the dominant reward", "", _BOTH, "higher",
+           "Sum of the rewards that stand for the dominant loss (paper section 4).",
+           lambda record: _mean(record.vector_return[:, 0])),
+    Metric("return_non_dominant", "Return of the non-dominant reward", "", _BOTH, "higher",
+           "Sum of the rewards that stand for the non-dominant loss (paper section 4).",
+           lambda record: _mean(record.vector_return[:, 1])),
+)}
+# fmt: on

@@ -1,0 +1,8 @@
+"""The paper's claims C1 to C14 (paper section 7), each computed from the results of a study."""
+
+from bilateral_rl.claims.claim import Claim, Component
+from bilateral_rl.claims.evaluation import evaluate_claims
+from bilateral_rl.claims.evidence import ClaimSettings
+from bilateral_rl.claims.rules import Verdict
+
+__all__ = ["Claim", "ClaimSettings", "Component", "Verdict", "evaluate_claims"]

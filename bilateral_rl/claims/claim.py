@@ -1,0 +1,102 @@
+"""A claim of the paper, what it consists of, and what our results say of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bilateral_rl.analysis.intervals import Interval
+from bilateral_rl.analysis.samples import join_notes
+from bilateral_rl.claims.rules import Verdict, all_of
+
+
+@dataclass(frozen=True)
+class Component:
+    """One statement of a claim that a single estimate or test decides."""
+
+    text: str
+    """What is stated, such as "goal completion within 5 cm: uni_dl > uni_ndl"."""
+    measured: str
+    """What is compared, mean ± standard deviation over the seeds; "" if nothing was measured."""
+    quantity: str
+    """What is estimated, such as "mean", "difference" or "ratio"; "" if nothing was."""
+    unit: str
+    """Of the estimate, "" if it has none."""
+    estimate: Interval
+    """With its own 95 % interval; nan where there is none."""
+    verdict: Verdict
+    test: str = ""
+    """"" where an interval alone decides."""
+    p: float = float("nan")
+    """Adjusted for the family of comparisons that ``test`` names; nan where there is no test."""
+    tukey_p: float = float("nan")
+    """The paper's test of the same comparison, Tukey's HSD; nan where it has none."""
+    note: str = ""
+
+    @property
+    def numbers(self) -> str:
+        """Our numbers in words: what was measured, the estimate with its interval, and the test."""
+        if not self.measured:
+            return self.note
+        unit = f" {self.unit}" if self.unit else ""
+        value = "" if self.quantity == "mean" else f"{self.quantity} {_number(self.estimate.value)}{unit}, "
+        parts = [self.measured, f"{value}{_bounds(self.estimate)}"]
+        if self.test:
+            parts.append(f"{self.test}: {_p(self.p)}")
+        if not math.isnan(self.tukey_p):
+            parts.append(f"Tukey's HSD, as in the paper: {_p(self.tukey_p)}")
+        return "; ".join(parts)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One of the paper's claims."""
+
+    number: str
+    """"C1" to "C14"."""
+    statement: str
+    """The paper's."""
+    components: tuple[Component, ...]
+    without_retraining: tuple[Component, ...] = ()
+    """Of a claim on lesions: the same of networks that were not retrained after the lesion. They decide nothing."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """Supported if all components are, not supported if any is not, otherwise undecided."""
+        return all_of(component.verdict for component in self.components)
+
+    @property
+    def numbers(self) -> str:
+        """Every component in words, a line each."""
+        return "\n".join(f"{component.text}: {component.numbers}" for component in self.components)
+
+    @property
+    def tests(self) -> str:
+        """The names of the tests; where there are none, that intervals decide."""
+        return join_notes(*(component.test or "95 % interval" for component in self.components))
+
+    @property
+    def note(self) -> str:
+        """What is missing or otherwise to be said, each thing once; "" if nothing."""
+        notes = join_notes(*(component.note for component in self.components))
+        if not self.without_retraining:
+            return notes
+        verdicts = [component.verdict for component in self.without_retraining]
+        counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
+        return join_notes(notes, f"without the retraining epoch {all_of(verdicts)} ({counts})")
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 100 else f"{value:.1f}"
+
+
+def _bounds(interval: Interval) -> str:
+    if math.isnan(interval.low):
+        return "no interval"
+    return f"95 % interval {_number(interval.low)} to {_number(interval.high)}"
+
+
+def _p(p: float) -> str:
+    if math.isnan(p):
+        return "no test"
+    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

@@ -1,0 +1,132 @@
+"""The results that the claims ask for: values by seed of a model in a state, and the post-hoc tests of all models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from bilateral_rl.analysis.comparison import values_by_seed
+from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric, threshold_name
+from bilateral_rl.analysis.results import INTACT
+from bilateral_rl.analysis.samples import finite
+from bilateral_rl.analysis.statistics import PairTest, games_howell, tukey_hsd
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.envs.tasks import HoldPosition, RandomReach
+from bilateral_rl.errors import UserError
+from bilateral_rl.policies.lesions import Side
+
+OTHER: dict[Side, Side] = {"dominant": "non_dominant", "non_dominant": "dominant"}
+_Tests = dict[tuple[int, int], PairTest]
+_NUMBER = {model: number for number, model in enumerate(MODELS)}
+
+
+@dataclass(frozen=True)
+class ClaimSettings:
+    """What the paper leaves open."""
+
+    reach_radius: float = 0.05
+    """Of the goal in random_reach (m)."""
+    hold_radius: float = 0.05
+    """Of the goal in hold_position (m)."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A metric in a task."""
+
+    metric: Metric
+    task: str
+
+    @property
+    def text(self) -> str:
+        """As components of claims name it."""
+        return f"{self.metric.label} ({self.task})"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One measure of one model in one state, over the seeds."""
+
+    name: str
+    """Of the model and its state, as people read it."""
+    model: str
+    measure: Measure
+    values: pd.Series
+    """By seed, in rising order."""
+
+    @property
+    def missing(self) -> bool:
+        """Whether there is not a single number."""
+        return len(finite(self.values)) == 0
+
+    @property
+    def mean(self) -> float:
+        """Over the seeds."""
+        return float(finite(self.values).mean())
+
+    @property
+    def measured(self) -> str:
+        """Mean ± standard deviation and the number of seeds, in words."""
+        numbers = finite(self.values)
+        sd = f" ± {numbers.std(ddof=1):.2g}" if len(numbers) > 1 else ""
+        return f"{self.name} {numbers.mean():.3g}{sd} {self.measure.metric.unit} (n = {len(numbers)})"
+
+
+class Evidence:
+    """Results as the claims ask for them.
+
+    Args:
+        results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
+        settings: which goals.
+
+    Attributes:
+        completion, speed, hold: the measures of the claims.
+
+    Raises:
+        UserError: results of several algorithms, or a radius that no goal can have.
+    """
+
+    def __init__(self, results: pd.DataFrame, settings: ClaimSettings) -> None:
+        algorithms = sorted(set(results["algo"]))
+        if len(algorithms) > 1:
+            raise UserError(f"Claims are tested on results of one algorithm, not of {' and '.join(algorithms)}.")
+        reach, hold = RandomReach.id, HoldPosition.id
+        self.completion = Measure(find_metric(preferred_metric(reach, settings.reach_radius)), reach)
+        self.speed = Measure(find_metric(f"speed_to_goal_{threshold_name(settings.reach_radius)}"), reach)
+        self.hold = Measure(find_metric(preferred_metric(hold, settings.hold_radius)), hold)
+        self._results = results
+        self._families: dict[str, tuple[_Tests, _Tests]] = {}
+
+    def intact(self, measure: Measure, model: str) -> Sample:
+        """The network as it was trained."""
+        return self._sample(model, measure, model, INTACT, retrained=False)
+
+    def lesioned(self, measure: Measure, model: str, lesion: str, retrained: bool) -> Sample:
+        """The network after a lesion."""
+        return self._sample(f"{model} with {_words(lesion)} lesion", measure, model, lesion, retrained)
+
+    def hemisphere(self, measure: Measure, model: str, side: Side, retrained: bool) -> Sample:
+        """What ``side`` does alone: the network after a deep lesion of the other side."""
+        return self._sample(f"{_words(side)} hemisphere of {model}", measure, model, f"deep_{OTHER[side]}", retrained)
+
+    def post_hoc(self, measure: Measure, first: str, second: str) -> tuple[PairTest, PairTest]:
+        """Games–Howell and Tukey's HSD of two intact models, in the family of the models there are."""
+        if measure.metric.name not in self._families:
+            self._families[measure.metric.name] = self._family(measure)
+        howell, tukey = self._families[measure.metric.name]
+        pair = _NUMBER[first], _NUMBER[second]
+        pair = min(pair), max(pair)
+        return howell[pair], tukey[pair]
+
+    def _family(self, measure: Measure) -> tuple[_Tests, _Tests]:
+        groups = [self.intact(measure, model).values for model in MODELS]
+        return games_howell(groups), tukey_hsd(groups)
+
+    def _sample(self, name: str, measure: Measure, model: str, lesion: str, retrained: bool) -> Sample:
+        values = values_by_seed(self._results, measure.metric.name, measure.task, model, lesion, retrained)
+        return Sample(name, model, measure, values)
+
+
+def _words(name: str) -> str:
+    return name.replace("non_dominant", "non-dominant").replace("_", " ")

@@ -1,0 +1,102 @@
+"""C4 to C8: what hemispheres and the callosum do, seen by lesions (paper sections 6 and 7).
+
+Performance is goal completion in a reach and time in the goal in a hold. Speed would not do: it is only of the reaches
+that succeed, and few may after a lesion. States of one model are paired by seed, those of different models are not;
+the tests of a claim are one family, adjusted after Holm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+from bilateral_rl.analysis.samples import align, finite_pairs, join_notes
+from bilateral_rl.claims.claim import Component
+from bilateral_rl.claims.components import Contrast, difference_within, holm_family, ratio_within
+from bilateral_rl.claims.evidence import OTHER, Evidence, Measure, Sample
+from bilateral_rl.claims.margins import DROPPED, LITTLE, RECOVERED
+from bilateral_rl.policies.lesions import SIDES, Side
+
+CALLOSAL = ("cc_s", "cc_ns")
+
+
+def specialization_without_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
+    """C4."""
+    contrasts = _hemispheres(evidence, "bi_s", retrained)
+    for measure, preferred in _preferred_sides(evidence):
+        best = evidence.hemisphere(measure, "bi_s", preferred, retrained)
+        worst = evidence.hemisphere(measure, "bi_s", OTHER[preferred], retrained)
+        others = [evidence.hemisphere(measure, "bi_ns", side, retrained) for side in SIDES]
+        contrasts += [Contrast(best, other) for other in others] + [Contrast(other, worst) for other in others]
+    return holm_family(contrasts)
+
+
+def equal_hemispheres(evidence: Evidence, retrained: bool) -> list[Component]:
+    """C5: the mean over the seeds, so that sides may differ in single networks, but neither is the better one."""
+    components = []
+    for measure in (evidence.completion, evidence.hold):
+        dominant, non_dominant = (evidence.hemisphere(measure, "bi_ns", side, retrained) for side in SIDES)
+        component = difference_within(dominant, non_dominant, LITTLE)
+        note = join_notes(component.note, _apart(dominant, non_dominant))
+        components.append(replace(component, note=note))
+    return components
+
+
+def shallow_worse_than_deep(evidence: Evidence, retrained: bool) -> list[Component]:
+    """C6."""
+    measures = (evidence.completion, evidence.hold)
+    return holm_family(
+        [
+            Contrast(
+                evidence.lesioned(measure, model, f"deep_{side}", retrained),
+                evidence.lesioned(measure, model, f"shallow_{side}", retrained),
+                paired=True,
+            )
+            for measure, model, side in product(measures, CALLOSAL, SIDES)
+        ]
+    )
+
+
+def specialization_with_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
+    """C7."""
+    return holm_family(_hemispheres(evidence, "cc_s", retrained))
+
+
+def lesion_of_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
+    """C8, of both callosal models; the intact network is the one before the lesion, never retrained."""
+    components = []
+    for model in CALLOSAL:
+        reach, hold = (evidence.intact(measure, model) for measure in (evidence.completion, evidence.hold))
+        cut_reach = evidence.lesioned(evidence.completion, model, "callosum", retrained)
+        cut_hold = evidence.lesioned(evidence.hold, model, "callosum", retrained)
+        shallow = evidence.lesioned(evidence.hold, model, "shallow_dominant", retrained)
+        components += [
+            ratio_within(cut_reach, reach, RECOVERED, paired=True),
+            ratio_within(cut_hold, hold, -float("inf"), DROPPED, paired=True),
+            difference_within(cut_hold, shallow, LITTLE, hold),
+        ]
+    return components
+
+
+def _preferred_sides(evidence: Evidence) -> tuple[tuple[Measure, Side], ...]:
+    return (evidence.completion, "dominant"), (evidence.hold, "non_dominant")
+
+
+def _hemispheres(evidence: Evidence, model: str, retrained: bool) -> list[Contrast]:
+    """The preferred side of each task against the other."""
+    return [
+        Contrast(
+            evidence.hemisphere(measure, model, preferred, retrained),
+            evidence.hemisphere(measure, model, OTHER[preferred], retrained),
+            paired=True,
+        )
+        for measure, preferred in _preferred_sides(evidence)
+    ]
+
+
+def _apart(first: Sample, second: Sample) -> str:
+    a, b = finite_pairs(*align(first.values, second.values))
+    if not len(a):
+        return ""
+    distance = float(abs(a - b).mean())
+    return f"the sides of one network are {distance:.3g} {first.measure.metric.unit} apart in {first.measure.task}"

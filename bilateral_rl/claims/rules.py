@@ -1,0 +1,55 @@
+"""From an estimate and a test to a verdict.
+
+The intervals are those of each comparison for itself; the p-values are adjusted for the comparisons of their family.
+A claim needs all its components, so that it takes no adjustment beyond that of the families.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal
+
+from bilateral_rl.analysis.intervals import Interval
+from bilateral_rl.analysis.statistics import ALPHA
+from bilateral_rl.claims.margins import PAPER_SEEDS
+
+Verdict = Literal["supported", "not supported", "undecided"]
+
+
+def is_greater(difference: Interval, p: float, matters: float) -> Verdict:
+    """Whether one mean is greater than another.
+
+    Supported if significantly so. Not supported if significantly less, or if the interval of the difference lies
+    below the smallest difference that ``matters``. nan, where nothing could be tested or estimated, decides nothing.
+    """
+    if p < ALPHA:
+        return "supported" if difference.value > 0 else "not supported"
+    return "not supported" if difference.high < matters else "undecided"
+
+
+def is_not_conclusively_greater(difference: Interval, p: float, matters: float) -> Verdict:
+    """Whether a study such as the paper's does not find one mean greater than another.
+
+    Not supported if it is significantly greater. Supported if the interval excludes a difference that ``matters``, or
+    if as many seeds as the paper's show no significant one.
+    """
+    if p < ALPHA and difference.value > 0:
+        return "not supported"
+    if difference.high < matters or (difference.n >= PAPER_SEEDS and p >= 0):
+        return "supported"
+    return "undecided"
+
+
+def is_within(estimate: Interval, low: float, high: float) -> Verdict:
+    """Whether a quantity lies from ``low`` to ``high``: supported if its interval does, not if that lies outside."""
+    if low <= estimate.low and estimate.high <= high:
+        return "supported"
+    return "not supported" if estimate.high < low or estimate.low > high else "undecided"
+
+
+def all_of(verdicts: Iterable[Verdict]) -> Verdict:
+    """Supported if all are, not supported if any is not, undecided otherwise, and where there are none."""
+    found = set(verdicts)
+    if "not supported" in found:
+        return "not supported"
+    return "supported" if found == {"supported"} else "undecided"

@@ -1,0 +1,35 @@
+"""What many trials have in common over time: a line for the mean, a band for the quartiles."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike, NDArray
+
+from bilateral_rl.figures.style import ModelStyle
+
+BANDS_NOTE = "Line: mean over trials and seeds. Band: their quartiles."
+
+
+def draw_band(
+    axes: Axes, time: ArrayLike, values: NDArray[np.floating], style: ModelStyle, label: str, place: int = 0
+) -> None:
+    """Draw mean and quartiles over trials, leaving out what is no number.
+
+    Args:
+        axes: where.
+        time: (T,).
+        values: (n, T), a row a trial.
+        style: of the line; a broken one lies above, so that the other shows in its gaps.
+        label: of the line in a legend.
+        place: of the line among those in ``axes``: its markers, five, stand beside the others'.
+    """
+    lower, upper = np.nanquantile(values, (0.25, 0.75), axis=0)
+    axes.fill_between(time, lower, upper, color=style.color, alpha=0.15, linewidth=0)
+    every = max(values.shape[1] // 5, 1)
+    is_broken = style.line != "-"
+    axes.plot(
+        time, np.nanmean(values, axis=0), color=style.color, linestyle=style.line, linewidth=1.6, label=label,
+        marker=style.marker, markersize=4.5, markevery=((1 + 2 * place) * every // 7, every),
+        markeredgecolor="white", markeredgewidth=0.5, zorder=2.5 if is_broken else 2,
+    )  # fmt: skip

@@ -1,0 +1,133 @@
+"""Learning curves of models, over their seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, StrMethodFormatter
+
+from bilateral_rl.analysis.intervals import mean_interval
+from bilateral_rl.figures.labels import axis_label, model_label
+from bilateral_rl.figures.style import (
+    dress,
+    families,
+    legend_above,
+    model_style,
+    new_figure,
+    set_note,
+    set_title,
+)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A column of a training's history and how to draw it."""
+
+    name: str
+    label: str
+    unit: str = ""
+    logarithmic: bool = False
+
+
+COMPLETION = Measure("goal_completion_percent", "Goal completion", "%")
+TIME_IN_GOAL = Measure("time_in_goal_steps", "Time in goal", "steps")
+FINAL_ERROR = Measure("final_error_cm", "Final error", "cm", logarithmic=True)
+VALIDATION_LOSS = Measure("validation_loss", "Validation loss", logarithmic=True)
+
+PROGRESS = {"epoch": "Epoch", "timesteps": "Environment steps"}
+"""Columns that count how far a training has come, in words."""
+
+_PANEL_HEIGHT = 1.55
+_MARGIN = 0.05
+
+
+def learning_curves(epochs: pd.DataFrame, measures: Sequence[Measure], title: str, progress: str = "epoch") -> Figure:
+    """Means over the seeds of models as they learn, a row of panels a measure, a column an architecture.
+
+    A seed that has stopped keeps its weights, so its last value goes on into the mean: every curve ends at the mean of
+    the networks that the training left. From where fewer than half of a model's seeds still train, the curve is thin.
+
+    Args:
+        epochs: a row a model, seed and epoch, with columns ``model``, ``seed``, ``progress`` and the measures'.
+        measures: what to draw, from the top.
+        title: says the task.
+        progress: the column along the x axis, one of ``PROGRESS``.
+    """
+    groups = families(epochs["model"])
+    figure = new_figure(1.3 + _PANEL_HEIGHT * len(measures))
+    grid = figure.subplots(len(measures), len(groups), sharex=True, sharey="row", squeeze=False)
+    for i, (row, measure) in enumerate(zip(grid, measures, strict=True)):
+        for j, (axes, models) in enumerate(zip(row, groups, strict=True)):
+            for model in models:
+                _curve(axes, epochs[epochs["model"] == model], model, measure.name, progress)
+            if measure.logarithmic:
+                _set_logarithmic(axes)
+            dress(axes, PROGRESS[progress] * (i == len(grid) - 1), axis_label(measure) * (j == 0))
+            axes.xaxis.set_major_formatter(EngFormatter())
+        _limit(row[0], epochs[measure.name])
+    for axes in grid[0]:
+        legend_above(axes)
+    set_title(figure, title)
+    set_note(
+        figure,
+        "Mean over the seeds and its 95 % confidence interval; a stopped seed keeps its last value.\n"
+        "Thin from the marker on, where fewer than half of the seeds still train.",
+    )
+    return figure
+
+
+def carried_forward(rows: pd.DataFrame, measure: str, progress: str) -> pd.DataFrame:
+    """Values of one model's seeds (a column each) at every point of progress, each seed's last one carried forward.
+
+    Of a point that a resumed training has twice, the later row counts.
+    """
+    rows = rows.drop_duplicates(["seed", progress], keep="last")
+    return rows.pivot(index=progress, columns="seed", values=measure).sort_index().ffill()
+
+
+def half_training(rows: pd.DataFrame, progress: str) -> float:
+    """The last point of progress that at least half of one model's seeds reached."""
+    last = rows.groupby("seed")[progress].max().sort_values(ascending=False)
+    return float(last.iloc[math.ceil(len(last) / 2) - 1])
+
+
+def _set_logarithmic(axes: Axes) -> None:
+    """A logarithmic y axis whose numbers read as on a linear one, also where it spans less than a decade."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _limit(axes: Axes, values: pd.Series) -> None:
+    """Show the range of the seeds' values: intervals of two or three seeds go far beyond it."""
+    is_logarithmic = axes.get_yscale() == "log"
+    shown = values[np.isfinite(values) & ((values > 0) | (not is_logarithmic))]
+    if shown.nunique() < 2:
+        return
+    low, high = shown.min(), shown.max()
+    if is_logarithmic:
+        axes.set_ylim(low / (high / low) ** _MARGIN, high * (high / low) ** _MARGIN)
+    else:
+        axes.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
+
+
+def _curve(axes: Axes, rows: pd.DataFrame, model: str, measure: str, progress: str) -> None:
+    style = model_style(model)
+    values = carried_forward(rows, measure, progress)
+    x = values.index.to_numpy(dtype=np.float64)
+    mean, low, high = np.array([(i.value, i.low, i.high) for i in map(mean_interval, values.to_numpy())]).T
+    until = int(np.searchsorted(x, half_training(rows, progress)))
+    axes.fill_between(x, low, high, color=style.color, alpha=0.2, linewidth=0)
+    axes.plot(
+        x[: until + 1], mean[: until + 1], color=style.color, linestyle=style.line, linewidth=1.6,
+        marker=style.marker, markersize=5, markevery=[until], markeredgecolor="white", markeredgewidth=0.5,
+        label=model_label(model), gid=model,
+    )  # fmt: skip
+    axes.plot(x[until:], mean[until:], color=style.color, linewidth=0.7, gid=f"{model} tail")

@@ -1,0 +1,82 @@
+"""Figures of trials: what each hemisphere contributes to the commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from bilateral_rl.evaluation import TrialRecord
+from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
+from bilateral_rl.figures.labels import model_label
+from bilateral_rl.figures.style import INK, ModelStyle, dress, in_order, new_figure, set_note, set_title_and_legend
+from bilateral_rl.policies.networks import BilateralNetwork
+
+Float = NDArray[np.floating]
+
+DOMINANT_STYLE = ModelStyle("#01665e", "o", "-")
+NON_DOMINANT_STYLE = ModelStyle("#c98a2b", "s", (0, (4, 1.5)))
+
+
+class Contributions(NamedTuple):
+    """What the sides add to each other before the output layer, (n, T, units / 2) each: n trials of T steps."""
+
+    dominant: Float
+    non_dominant: Float
+
+
+def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributions:
+    """Last hidden layer times combination weight of each side in the trials of ``record``, which ``network`` did.
+
+    A side that is lesioned deep contributes nothing.
+    """
+    weights = network.combination_weights()
+    with torch.no_grad():
+        dominant, non_dominant = (side.numpy() for side in network.hemispheres(torch.from_numpy(record.observation)))
+    lost = network.lesion.output_of
+    return Contributions(
+        dominant * weights["dominant"] * (lost != "dominant"),
+        non_dominant * weights["non_dominant"] * (lost != "non_dominant"),
+    )
+
+
+def dominant_share(sides: Contributions) -> NDArray[np.float64]:
+    """(n, T) percent of the mean absolute contribution that is the dominant side's; nan where neither has any."""
+    dominant, non_dominant = _magnitude(sides.dominant), _magnitude(sides.non_dominant)
+    total = dominant + non_dominant
+    return 100 * np.divide(dominant, total, out=np.full_like(total, np.nan), where=total > 0)
+
+
+def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, title: str) -> Figure:
+    """Mean absolute contribution of each hemisphere over time, and the dominant one's share, a column a model.
+
+    Args:
+        sides: contributions in the trials of one or more seeds, by model; at most four models.
+        timestep: length of a step (s).
+        title: says the task.
+    """
+    models = in_order(sides)
+    figure = new_figure(4.6)
+    above, below = figure.subplots(2, len(models), sharex=True, sharey="row", squeeze=False)
+    for i, model in enumerate(models):
+        time = 1000 * timestep * np.arange(sides[model].dominant.shape[1])
+        draw_band(above[i], time, _magnitude(sides[model].dominant), DOMINANT_STYLE, "dominant")
+        draw_band(above[i], time, _magnitude(sides[model].non_dominant), NON_DOMINANT_STYLE, "non-dominant")
+        draw_band(below[i], time, dominant_share(sides[model]), DOMINANT_STYLE, "dominant")
+        below[i].axhline(50, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+        dress(above[i], y_label="Mean absolute\ncontribution (a.u.)" * (i == 0), title=model_label(model))
+        dress(below[i], "Time (ms)", "Share of the dominant\nhemisphere (%)" * (i == 0))
+    above[0].set_ylim(bottom=0)
+    below[0].set_ylim(0, 100)
+    set_title_and_legend(figure, title, *above[0].get_legend_handles_labels())
+    set_note(figure, f"Contribution: last hidden layer times combination weight, mean over its units.\n{BANDS_NOTE}")
+    return figure
+
+
+def _magnitude(contribution: Float) -> NDArray[np.float64]:
+    """(n, T, units) to (n, T)."""
+    return np.asarray(np.abs(contribution).mean(axis=2, dtype=np.float64))

@@ -1,0 +1,57 @@
+"""Names of models, lesions, tasks and metrics in words."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from typing import Protocol
+
+_PREFIXES = {"uni": "Uni", "bi": "Bi", "cc": "CC"}
+_AXIS_CHARACTERS = 20
+"""Of a line of an axis label: as many as fit beside the lowest panel."""
+_LESION_CHARACTERS = 9
+"""Of a line below one of eight columns: "callosum," fits."""
+
+
+class MetricLike(Protocol):
+    """What a figure needs of a metric."""
+
+    @property
+    def name(self) -> str:
+        """In the table of results."""
+
+    @property
+    def label(self) -> str:
+        """In words."""
+
+    @property
+    def unit(self) -> str:
+        """Of the values; empty if they have none."""
+
+
+def with_unit(metric: MetricLike) -> str:
+    """The metric in words with its unit."""
+    return f"{metric.label} ({metric.unit})" if metric.unit else metric.label
+
+
+def axis_label(metric: MetricLike) -> str:
+    """The metric in words with its unit, in short lines."""
+    text = re.sub(r"(\d) (?=\w)", "\\1\u00a0", with_unit(metric))  # a number stays with its unit
+    return textwrap.fill(text, _AXIS_CHARACTERS, break_long_words=False)
+
+
+def model_label(name: str) -> str:
+    """The paper's spelling of a model, ``Uni-DL`` for ``uni_dl``; other names as they are."""
+    prefix, _, rest = name.partition("_")
+    return f"{_PREFIXES[prefix]}-{rest.upper()}" if prefix in _PREFIXES and rest else name
+
+
+def task_label(name: str) -> str:
+    """A task as the beginning of a title."""
+    return name.replace("_", " ").capitalize()
+
+
+def lesion_label(name: str) -> str:
+    """A lesion in words, in short lines."""
+    words = name.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")
+    return textwrap.fill(words, _LESION_CHARACTERS, break_long_words=False)

@@ -1,0 +1,56 @@
+"""Figures as files and as parts of pages; the same figure gives the same bytes."""
+
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bilateral_rl.errors import UserError
+from bilateral_rl.run_folder import replacing
+
+DPI = 220
+"""1,320 pixels for the common width."""
+
+_PNG_METADATA = {"Software": None}
+_PDF_METADATA = {"Creator": None, "Producer": None, "CreationDate": None}
+"""Versions and times that matplotlib would write otherwise."""
+
+
+def save(figure: Figure, path: Path) -> tuple[Path, Path]:
+    """Write ``figure`` as ``path`` + ``.png`` and ``path`` + ``.pdf``, both or, if either cannot be drawn, neither.
+
+    Returns:
+        The two files.
+
+    Raises:
+        UserError: the folder cannot be written.
+    """
+    png, pdf = (path.with_name(path.name + suffix) for suffix in (".png", ".pdf"))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(png) as new_png, replacing(pdf) as new_pdf:
+            figure.savefig(new_png, format="png", dpi=DPI, metadata=_PNG_METADATA)
+            figure.savefig(new_pdf, format="pdf", metadata=_PDF_METADATA)
+    except OSError as error:
+        raise UserError(f"Cannot write the figure {path}: {error.strerror}. Choose another folder.") from None
+    return png, pdf
+
+
+def as_png_data_uri(figure: Figure) -> str:
+    """``figure`` as the address of a picture that an HTML page contains."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata=_PNG_METADATA)
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+
+
+def as_array(figure: Figure) -> np.ndarray:
+    """(height, width, 3) RGB picture of ``figure``."""
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -1,0 +1,60 @@
+"""Values of several seeds at one place of an axis: the seeds as dots, their mean, its confidence interval."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+from bilateral_rl.analysis.intervals import Interval, mean_interval
+from bilateral_rl.figures.style import INK, TEXT_SIZE, ModelStyle
+
+
+def draw_seeds(
+    axes: Axes,
+    x: float,
+    values: ArrayLike,
+    style: ModelStyle,
+    *,
+    width: float,
+    size: float = 6.5,
+    filled: bool = True,
+) -> Interval:
+    """Draw one column: each seed as a dot in a place of its own, the mean as a marker, its 95 % interval as a bar.
+
+    Args:
+        axes: where.
+        x: the middle of the column.
+        values: (n,), one a seed; those that are no numbers are left out, and if none is one, a dash says so.
+        style: color of the dots and the mean, marker of the mean.
+        width: of the cloud of dots.
+        size: of the mean's marker (points).
+        filled: whether that marker is filled or open.
+    """
+    heights = np.asarray(values, dtype=np.float64)
+    mean = mean_interval(heights)
+    if mean.n == 0:
+        axes.text(x, 0.03, "–", transform=axes.get_xaxis_transform(), ha="center", size=1.3 * TEXT_SIZE, color="0.4")
+        return mean
+    places = x + (width * np.linspace(-0.5, 0.5, len(heights)) if len(heights) > 1 else np.zeros(1))
+    axes.plot(places, heights, "o", color=style.color, alpha=0.45, markersize=2.8, markeredgewidth=0, gid="seeds")
+    if mean.n > 1:
+        axes.vlines(x, mean.low, mean.high, color=INK, linewidth=1.3, zorder=3, gid="interval")
+    face, edge, edge_width = (style.color, INK, 0.7) if filled else ("white", style.color, 1.4)
+    axes.plot(
+        x, mean.value, style.marker, color=face, markeredgecolor=edge, markeredgewidth=edge_width, markersize=size,
+        zorder=4, gid="mean",
+    )  # fmt: skip
+    return mean
+
+
+def marks_in_words(means: Iterable[Interval]) -> str:
+    """What the marks of :func:`draw_seeds` are, and of how many seeds."""
+    counts = [mean.n for mean in means if mean.n]
+    few, many = min(counts, default=0), max(counts, default=0)
+    seeds = f"{few} to {many} seeds" if few < many else f"{many} seed{'s' * (many != 1)}"
+    if many < 2:
+        return f"Markers: {seeds}."
+    return f"Dots: seeds. Large markers and bars: mean of {seeds} and its 95 % confidence interval."

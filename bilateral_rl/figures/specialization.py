@@ -1,0 +1,73 @@
+"""How far the hemispheres of models have specialized."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bilateral_rl.analysis.metrics import specialization_index
+from bilateral_rl.analysis.results import by_seed
+from bilateral_rl.analysis.samples import Float, align
+from bilateral_rl.figures.labels import MetricLike, model_label, task_label
+from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
+from bilateral_rl.figures.style import (
+    INK,
+    dress,
+    in_order,
+    marker_handle,
+    model_style,
+    new_figure,
+    set_note,
+    set_title_and_legend,
+)
+
+_TASK_MARKERS = (("o", True), ("s", False), ("^", True), ("D", False))
+"""Marker, and whether it is filled, of each task."""
+
+
+def specialization(
+    results: pd.DataFrame, metrics: Mapping[str, MetricLike], models: Sequence[str], retrained: bool = False
+) -> Figure:
+    """How much better the dominant hemisphere of each model works alone than the other one, the tasks side by side.
+
+    The index is that of :func:`bilateral_rl.analysis.metrics.specialization_index`.
+
+    Args:
+        results: table of :mod:`bilateral_rl.analysis.results`.
+        metrics: the metric of each task, one where more is better, by the task's name; at most four tasks.
+        models: of which models; those without hemispheres show a dash.
+        retrained: whether the values are those after the epoch of retraining.
+    """
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    order, means = in_order(models), []
+    for (task, metric), mark, shift in zip(metrics.items(), _TASK_MARKERS, _shifts(len(metrics)), strict=False):
+        for x, model in enumerate(order):
+            index = _index(results, task, metric, model, retrained)
+            style, width = model_style(model)._replace(marker=mark[0]), 0.5 / len(metrics)
+            means.append(draw_seeds(axes, x + shift, index, style, width=width, filled=mark[1]))
+    axes.axhline(0, color=INK, linewidth=0.8)
+    dress(axes, y_label="Specialization index\n← non-dominant · dominant →")
+    axes.set_xticks(range(len(order)), [model_label(model) for model in order])
+    axes.set_xlim(-0.6, len(order) - 0.4)
+    words = [f"{task_label(task)}: {metric.label}" for task, metric in metrics.items()]
+    handles = [marker_handle(*mark) for mark in _TASK_MARKERS[: len(words)]]
+    after = "after one epoch of retraining" if retrained else "without retraining"
+    set_title_and_legend(figure, f"Specialization of the hemispheres, {after}", handles, words)
+    meaning = "(d − n) / (d + n); d, n: value with only the dominant, only the non-dominant hemisphere."
+    set_note(figure, f"{meaning}\n{marks_in_words(means)}")
+    return figure
+
+
+def _index(results: pd.DataFrame, task: str, metric: MetricLike, model: str, retrained: bool) -> Float:
+    """(n,), one a seed that has both lesions."""
+    dominant_alone = by_seed(results, metric.name, task, model, "deep_non_dominant", retrained)
+    non_dominant_alone = by_seed(results, metric.name, task, model, "deep_dominant", retrained)
+    return specialization_index(*align(dominant_alone, non_dominant_alone))
+
+
+def _shifts(n: int) -> list[float]:
+    """Of the columns of ``n`` tasks from the middle of a model's place."""
+    return [0.7 * ((i + 0.5) / n - 0.5) for i in range(n)]

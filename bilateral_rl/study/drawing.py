@@ -1,0 +1,143 @@
+"""Every figure of a study, with what each shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bilateral_rl.analysis.comparison import compare
+from bilateral_rl.analysis.metrics import find_metric, preferred_metric, threshold_name
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.controllers import load_policies
+from bilateral_rl.evaluation import Evaluator, TrialRecord
+from bilateral_rl.figures.curves import COMPLETION, FINAL_ERROR, TIME_IN_GOAL, VALIDATION_LOSS, learning_curves
+from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
+from bilateral_rl.figures.labels import model_label, task_label
+from bilateral_rl.figures.lesions import lesion_effects
+from bilateral_rl.figures.models import model_comparison
+from bilateral_rl.figures.posthoc import posthoc_matrix
+from bilateral_rl.figures.specialization import specialization
+from bilateral_rl.figures.trials import hand_paths, muscle_activity, speed_profiles
+from bilateral_rl.policies.networks import BilateralNetwork
+from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.study.outcome import learning_history
+
+TRIALS, TRIALS_SEED = 128, 2_000_000
+"""Of the trials that figures show."""
+_COMPARED = {
+    "random_reach": ("goal_completion", "speed_to_goal", "effort", "sparc"),
+    "hold_position": ("time_in_goal", "hold_speed", "effort"),
+}
+_WITH_RADIUS = ("goal_completion", "speed_to_goal", "time_in_goal")
+_MUSCLES_OF = ("uni_dl", "uni_ndl", "cc_s")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure and what it shows."""
+
+    name: str
+    """Of its files."""
+    caption: str
+    figure: Figure
+
+
+def draw_study(
+    results: pd.DataFrame, radii: Mapping[str, float], runs: Mapping[str, Mapping[str, list[RunFolder]]]
+) -> Iterator[Drawing]:
+    """What a study found, figure by figure.
+
+    Args:
+        results: the long table.
+        radii: of each task's goal (m).
+        runs: the runs that are done, by task and model.
+    """
+    for task, radius in radii.items():
+        if task in set(results["task"]):
+            yield from _of_models(results, task, radius)
+    yield from _of_lesions(results, radii)
+    for task, radius in radii.items():
+        if runs.get(task):
+            yield from _of_runs(task, radius, runs[task])
+
+
+def compared_metrics(task: str, radius: float) -> list[str]:
+    """Names of the metrics by which a task's models are compared; the preferred one comes first."""
+    suffix = f"_{threshold_name(radius)}"
+    return [name + suffix * (name in _WITH_RADIUS) for name in _COMPARED[task]]
+
+
+def _of_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Drawing]:
+    names = compared_metrics(task, radius)
+    if results.loc[results["task"] == task, "model"].nunique() < 2:
+        return
+    figure = model_comparison(results, task, [find_metric(name) for name in names])
+    yield Drawing(f"models_{task}", f"{task_label(task)}: the intact models; a dot a seed.", figure)
+    for name in [n for n in names if n.startswith(_WITH_RADIUS)]:
+        comparison = compare(results, name, task)
+        for test, column in (("Games–Howell", "p_games_howell"), ("Tukey's HSD", "p_tukey")):
+            title = f"{task_label(task)}: {find_metric(name).label}, {test}"
+            pairwise = comparison.pairs.rename(columns={"first": "a", "second": "b", column: "p"})
+            figure = posthoc_matrix(pairwise, find_metric(name), title)
+            yield Drawing(f"posthoc_{task}_{name}_{column.removeprefix('p_')}", f"{title}.", figure)
+
+
+def _of_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[Drawing]:
+    metrics = {task: find_metric(preferred_metric(task, radius)) for task, radius in radii.items()}
+    done = set(results["model"])
+    models = [name for name, model in MODELS.items() if name in done and model.architecture != "unilateral"]
+    if not models:
+        return
+    for task, metric in metrics.items():
+        if task in set(results["task"]):
+            caption = f"{task_label(task)}: {metric.label} after each lesion, without and with an epoch of retraining."
+            yield Drawing(f"lesions_{task}", caption, lesion_effects(results, task, metric, models))
+    for retrained, words in ((True, "after an epoch of retraining"), (False, "without retraining")):
+        caption = f"Specialization index of the hemispheres, {words}: above 0 the dominant one does more alone."
+        figure = specialization(results, metrics, models, retrained)
+        yield Drawing(f"specialization_{'retrained' if retrained else 'untrained'}", caption, figure)
+
+
+def _of_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> Iterator[Drawing]:
+    label = task_label(task)
+    yield _curves(label, task, runs)
+    shown = {model: _Shown(task, of_model[0]) for model, of_model in runs.items()}
+    records = {model: [one.record] for model, one in shown.items()}
+    title = f"{label}: {TRIALS} trials of the first seed"
+    yield Drawing(f"speed_{task}", f"{label}: speed of the hand.", speed_profiles(records, title))
+    few = {model: records[model] for model in _MUSCLES_OF if model in records}
+    if few:
+        yield Drawing(f"muscles_{task}", f"{label}: activation of the muscles.", muscle_activity(few, title))
+    sides = {model: one.contributions for model, one in shown.items() if one.contributions}
+    if sides:
+        step = next(iter(shown.values())).record.arm.timestep
+        caption = f"{label}: what each hemisphere contributes."
+        yield Drawing(f"hemispheres_{task}", caption, hemisphere_activity(sides, step, title))
+    for model, one in shown.items():
+        reach = sum(one.record.arm.link_length)
+        caption = f"{label}: hand paths of {model_label(model)}."
+        yield Drawing(f"paths_{task}_{model}", caption, hand_paths(one.record, radius, reach))
+
+
+def _curves(label: str, task: str, runs: Mapping[str, list[RunFolder]]) -> Drawing:
+    history = learning_history(runs)
+    measure = COMPLETION if task == "random_reach" else TIME_IN_GOAL
+    supervised = "epoch" in history
+    measures = [VALIDATION_LOSS, measure] if supervised else [measure, FINAL_ERROR]
+    figure = learning_curves(history, measures, f"{label}: learning", "epoch" if supervised else "timesteps")
+    return Drawing(f"learning_{task}", f"{label}: how the networks learned.", figure)
+
+
+class _Shown:
+    """The trials of the first seed of a run, and what its hemispheres contribute if it has any."""
+
+    def __init__(self, task: str, run: RunFolder) -> None:
+        policy = next(iter(load_policies(run).values()))
+        self.record: TrialRecord = Evaluator(task, run.config().trial, TRIALS, TRIALS_SEED).run(policy)
+        network = policy.actor
+        self.contributions: Contributions | None = None
+        if isinstance(network, BilateralNetwork):
+            self.contributions = contributions(network, self.record)

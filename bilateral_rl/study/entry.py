@@ -1,0 +1,86 @@
+"""What the process of a job runs: this file alone, by its path, so that nothing is imported but what the job imports.
+
+Standard input holds one line, the job; after it, its end says that whoever started the process is no more.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import importlib
+import json
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, BinaryIO
+
+INTERVAL = 0.2
+"""Seconds between two messages that differ in their numbers only."""
+
+
+class PipeProgress:
+    """The job's progress, sent through a pipe, but not so often that its reader has work with it."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe, self._sent = pipe, -INTERVAL
+        self._text: str | None = None
+
+    def update(self, done: float, text: str = "") -> None:
+        now = time.monotonic()
+        if text != self._text or now - self._sent >= INTERVAL:
+            self._pipe.send(("progress", float(done), text))
+            self._text, self._sent = text, now
+
+
+def main() -> int:
+    """Do the job that standard input names; the exit code."""
+    faulthandler.enable()
+    pipe = Connection(int(sys.argv[1]), readable=False)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    job = _take_standard_input()  # its thread goes on blocking it, so that Ctrl-C wakes this one
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background processes ignore it
+    try:
+        sys.path[:] = job["path"]
+        module, _, name = job["work"].partition(":")
+        work = getattr(importlib.import_module(module), name)
+        work(Path(job["folder"]), PipeProgress(pipe), **job["arguments"])
+    except KeyboardInterrupt:
+        print("Interrupted.")
+        return 130
+    except Exception as error:
+        traceback.print_exc()
+        pipe.send(("error", _in_one_line(error)))
+        return 1
+    return 0
+
+
+def _take_standard_input() -> dict[str, Any]:
+    """The job; afterwards the job's own standard input is empty, and a thread waits for the end of this one."""
+    command = os.fdopen(os.dup(0), "rb")
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    job: dict[str, Any] = json.loads(command.readline())
+    threading.Thread(target=_end_with_it, args=(command,), daemon=True).start()
+    return job
+
+
+def _end_with_it(command: BinaryIO) -> None:
+    command.read()
+    os.killpg(0, signal.SIGKILL)  # this process leads its group: what it started ends as well
+
+
+def _in_one_line(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    if type(error).__name__ == "UserError":  # not imported: it is a sentence for people as it is
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+if __name__ == "__main__":
+    sys.exit(main())

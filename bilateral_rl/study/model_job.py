@@ -1,0 +1,127 @@
+"""A study's job of one training: train, then measure, lesions included; called again, it goes on where it was."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bilateral_rl import training
+from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
+from bilateral_rl.config import BPTTConfig, TrainConfig
+from bilateral_rl.errors import UserError
+from bilateral_rl.progress import FAILED, FINISHED, Outcome, Progress
+from bilateral_rl.reports import total_of
+from bilateral_rl.resolve import resolve
+from bilateral_rl.run_folder import RunFolder, find_runs, replacing
+from bilateral_rl.settings import Values
+from bilateral_rl.study.jobs import JobProgress
+
+_OF_THE_MACHINE = ("threads", "device")
+"""Settings that change how fast a run is made, not what comes out."""
+_TRAINING_SHARE = 0.85
+"""Of a job's time, roughly: for its progress bar."""
+
+
+def train_and_measure(folder: Path, progress: JobProgress, config: Values, lesions: Mapping[str, Any]) -> None:
+    """Train below ``folder / "runs"``, unless that is done, and write the results (:func:`results_file`).
+
+    Args:
+        folder: of the study.
+        progress: told how far the job is.
+        config: of the training.
+        lesions: fields of :class:`~bilateral_rl.analysis.lesioning.LesionSettings`.
+
+    Raises:
+        UserError: a training that failed.
+        KeyboardInterrupt: somebody stopped the training; it is saved.
+    """
+    wanted = resolve(None, None, [config])
+    run = _trained_run(folder, wanted, progress)
+    study = LesionStudy(run, LesionSettings(threads=getattr(wanted, "threads", 1), **lesions))
+
+    def on_state(done: int, total: int, name: str) -> None:
+        share = _TRAINING_SHARE + (1 - _TRAINING_SHARE) * done / total
+        progress.update(share, f"testing: {name.replace('_', ' ')}" if name else "tested")
+
+    results = study.run(on_state)
+    path = folder / results_file(wanted)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        results.to_csv(temporary, index=False)
+
+
+def job_name(config: TrainConfig) -> str:
+    """Of the job that trains ``config``."""
+    seed = "" if isinstance(config, BPTTConfig) else f"-seed-{config.seed}"
+    return f"{config.task}/{config.model}{seed}"
+
+
+def results_file(config: TrainConfig) -> str:
+    """Where in the study's folder its part of the long table of results lies (:mod:`bilateral_rl.analysis.results`)."""
+    return f"results/{job_name(config)}.csv"
+
+
+def find_run(folder: Path, config: TrainConfig) -> RunFolder | None:
+    """The study's run of ``config``, if there is one, whatever machine it was made for."""
+    for run in find_runs(_runs_folder(folder, config)):
+        if run.path.parent.name == config.task and _same(run, config):
+            return run
+    return None
+
+
+def _runs_folder(folder: Path, config: TrainConfig) -> Path:
+    """One of its own for each seed that is a run of its own, so that jobs need not agree on who takes which number."""
+    runs = folder / "runs"
+    return runs if isinstance(config, BPTTConfig) else runs / f"seed-{config.seed}"
+
+
+def _trained_run(folder: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
+    """The finished run: as it lies there, resumed or made now."""
+    run = find_run(folder, config)
+    state = run.status().get("state") if run else None
+    if run and state == FINISHED:
+        return run
+    if run and state == FAILED:
+        raise UserError(f"The training {run.path} failed before; remove that folder to try again.")
+    watch = _Watch(config, progress)
+    if run and (run.path / "resume.safetensors").is_file():
+        return _finished(training.resume(run, config, watch))
+    if run:  # stopped before anything was saved
+        shutil.rmtree(run.path)
+    return _finished(training.train(config, _runs_folder(folder, config), watch))
+
+
+def _finished(outcome: Outcome) -> RunFolder:
+    if outcome.interrupted:
+        raise KeyboardInterrupt
+    return outcome.folder
+
+
+def _same(run: RunFolder, config: TrainConfig) -> bool:
+    try:
+        own = run.config().to_values()
+    except UserError:  # damaged: not the one
+        return False
+    other = config.to_values()
+    return all(own.get(name) == other[name] for name in other if name not in _OF_THE_MACHINE)
+
+
+class _Watch(Progress):
+    """Passes a training's progress on to the job's."""
+
+    def __init__(self, config: TrainConfig, progress: JobProgress) -> None:
+        self._total, self._progress = total_of(config), progress
+        self._text = "training"
+
+    def on_start(self, done: int) -> None:
+        self.on_step(done)
+
+    def on_step(self, done: int) -> None:
+        self._progress.update(_TRAINING_SHARE * done / self._total, self._text)
+
+    def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
+        training = f"{measures['seeds_training']:.0f} seeds, " if "seeds_training" in measures else ""
+        self._text = f"training: {training}goal {measures['goal_completion_percent']:.0f} %"
+        self.on_step(done)

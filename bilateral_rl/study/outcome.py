@@ -1,0 +1,55 @@
+"""What a study's jobs left in its folder: the table of results, runs, learning curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.config import BPTTConfig, TrainConfig
+from bilateral_rl.errors import UserError
+from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.study.model_job import find_run, results_file
+
+
+def read_results(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:
+    """The long table (:mod:`bilateral_rl.analysis.results`) of the trainings that are done."""
+    paths = [folder / results_file(config) for config in configs]
+    tables = [_read(path) for path in paths if path.is_file()]
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(COLUMNS))
+
+
+def runs_of(folder: Path, configs: Sequence[TrainConfig]) -> dict[str, list[RunFolder]]:
+    """The runs of the trainings that are done, by model."""
+    runs: dict[str, list[RunFolder]] = {}
+    for config in configs:
+        run = find_run(folder, config) if (folder / results_file(config)).is_file() else None
+        if run is not None:
+            runs.setdefault(config.model, []).append(run)
+    return runs
+
+
+def learning_history(runs: Mapping[str, list[RunFolder]]) -> pd.DataFrame:
+    """How the networks learned: a row a model, seed and epoch, or evaluation."""
+    tables = [_history(run).assign(model=model) for model, of_model in runs.items() for run in of_model]
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+
+
+def _history(run: RunFolder) -> pd.DataFrame:
+    config = run.config()
+    if isinstance(config, BPTTConfig):
+        return pd.read_csv(run.path / "epochs.csv")
+    return pd.read_csv(run.path / "evaluations.csv").assign(seed=config.seed)
+
+
+def _read(path: Path) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path} is damaged: {error}; remove it and call the command again.") from None
+    missing = [column for column in COLUMNS if column not in table]
+    if missing:
+        raise UserError(f"{path} is damaged: it has no {missing[0]}; remove it and call the command again.")
+    return table

@@ -1,0 +1,156 @@
+"""A study's report: one page that needs nothing else, not even a network."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import yaml
+
+from bilateral_rl.claims import Claim
+from bilateral_rl.config import TrainConfig
+from bilateral_rl.figures.labels import model_label, task_label
+from bilateral_rl.figures.saving import as_png_data_uri
+from bilateral_rl.run_folder import replacing, versions
+from bilateral_rl.study.drawing import Drawing
+from bilateral_rl.study.jobs import JobOutcome, JobState
+from bilateral_rl.study.plan import RADII, Study
+from bilateral_rl.study.tables import ReportTable
+
+LOG_LINES = 25
+_RULE = (
+    "A claim is supported if all its parts are, not supported if any is not, otherwise undecided. A part with a "
+    "direction is supported if the difference is significant (adjusted p < 0.05), and not supported if it is "
+    "significantly the other way or its interval leaves no room for a difference that matters. A part with a size is "
+    "supported if the 95 % interval lies within the range, not supported if it lies outside. Seeds are the unit."
+)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a report tells."""
+
+    study: Study
+    configs: Sequence[TrainConfig]
+    outcomes: Sequence[JobOutcome]
+    claims: Sequence[Claim]
+    tables: Sequence[ReportTable]
+    drawings: Sequence[Drawing]
+
+
+def write_report(findings: Findings, path: Path) -> None:
+    """Write the page, whole or not at all."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("bilateral_rl.study", ""), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    page = environment.get_template("report.html.jinja").render(_values(findings))
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def counts_of(claims: Sequence[Claim]) -> str:
+    """How many claims have which verdict."""
+    counts: Counter[str] = Counter(claim.verdict for claim in claims)
+    names = ("supported", "not supported", "undecided")
+    return f"Of {len(claims)} claims: " + ", ".join(f"{counts[name]} {name}" for name in names) + "."
+
+
+def _values(findings: Findings) -> dict[str, Any]:
+    study = findings.study
+    return {
+        "title": f"Left/right brain and motor control: the paper's claims, by {study.algo}",
+        "subtitle": _subtitle(study),
+        "preview": f"{study.seeds} seeds, short trainings and few test trials" if study.quick else "",
+        "counts": counts_of(findings.claims),
+        "claims": findings.claims,
+        "rule": _RULE,
+        "tables": findings.tables,
+        **_figures(findings.drawings),
+        "jobs": [_job(outcome) for outcome in findings.outcomes],
+        "jobs_summary": _jobs_summary(findings.outcomes),
+        "setup": _setup(study),
+        "blocks": _blocks(findings),
+    }
+
+
+def _subtitle(study: Study) -> str:
+    trained = f"profile {study.profile}, " if study.algo == "bptt" else ""
+    return (
+        "Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: seven models on two tasks, "
+        f"{trained}{study.seeds} seeds each. Goal radius: reach {100 * RADII['random_reach']:g} cm, "
+        f"hold {100 * RADII['hold_position']:g} cm. Verdicts are computed from the results."
+    )
+
+
+def _figures(drawings: Sequence[Drawing]) -> dict[str, Any]:
+    """Large figures one below the other; hand paths, which are small and many, side by side."""
+    large = [d for d in drawings if not d.name.startswith("paths_")]
+    groups: dict[str, list[Drawing]] = {}
+    for drawing in drawings:
+        if drawing.name.startswith("paths_"):
+            groups.setdefault(drawing.caption.partition(":")[0], []).append(drawing)
+    return {
+        "figures": [_picture(drawing) for drawing in large],
+        "small_figures": [
+            {"title": f"{task}: hand paths", "figures": [_picture(drawing) for drawing in group]}
+            for task, group in groups.items()
+        ],
+    }
+
+
+def _picture(drawing: Drawing) -> dict[str, str]:
+    return {"uri": as_png_data_uri(drawing.figure), "caption": drawing.caption}
+
+
+def _job(outcome: JobOutcome) -> dict[str, str]:
+    failed = outcome.state != JobState.DONE
+    task, _, model = outcome.job.name.partition("/")
+    name, _, seed = model.partition("-")
+    return {
+        "name": f"{task_label(task)}, {model_label(name)}" + (f", {seed.replace('-', ' ')}" if seed else ""),
+        "state": str(outcome.state),
+        "minutes": f"{outcome.seconds / 60:.1f}" if outcome.seconds else "before",
+        "error": outcome.error or "",
+        "log": _end_of(outcome.log) if failed and outcome.log else "",
+    }
+
+
+def _end_of(log: Path) -> str:
+    return "\n".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-LOG_LINES:])
+
+
+def _jobs_summary(outcomes: Sequence[JobOutcome]) -> str:
+    done = sum(outcome.state == JobState.DONE for outcome in outcomes)
+    text = f"{done} of {len(outcomes)} trainings are done."
+    if done < len(outcomes):
+        text += " The others are missing from every number above; call the command again to try them once more."
+    return text
+
+
+def _setup(study: Study) -> str:
+    if (study.algo, study.profile) != ("bptt", "paper"):
+        return "Every setting of every training is in config.yaml of its run, below the folder runs."
+    return (
+        "What the paper leaves open, the kind and strength of the weight penalty and the radii of the goals, was "
+        "chosen for C1 to C3 on the unilateral models and then kept; C4 to C14 are tests of that choice."
+    )
+
+
+def _blocks(findings: Findings) -> list[dict[str, str]]:
+    seen: dict[str, TrainConfig] = {config.task: config for config in findings.configs}
+    blocks = [{"title": "The study", "text": _yaml(findings.study.to_values())}]
+    blocks += [
+        {"title": f"Settings of {task_label(task)}, {model_label(config.model)}", "text": _yaml(config.to_values())}
+        for task, config in seen.items()
+    ]
+    blocks.append({"title": "Versions", "text": json.dumps(versions(), indent=2)})
+    return blocks
+
+
+def _yaml(values: Any) -> str:
+    return yaml.safe_dump(values, sort_keys=False)

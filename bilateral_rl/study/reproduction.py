@@ -1,0 +1,94 @@
+"""The whole paper: every training, its lesions, the statistics, the figures and the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from bilateral_rl.claims import Claim, ClaimSettings, evaluate_claims
+from bilateral_rl.envs.tasks import TASKS
+from bilateral_rl.figures.saving import save
+from bilateral_rl.run_folder import replacing
+from bilateral_rl.study.drawing import Drawing, draw_study
+from bilateral_rl.study.jobs import JobOutcome
+from bilateral_rl.study.outcome import read_results, runs_of
+from bilateral_rl.study.plan import RADII, Study
+from bilateral_rl.study.report import Findings, write_report
+from bilateral_rl.study.tables import ReportTable, study_tables
+
+REPORT, RESULTS, CLAIMS = "report.html", "results.csv", "claims.csv"
+
+
+def conclude(
+    study: Study, folder: Path, outcomes: Sequence[JobOutcome], say: Callable[[str], None] = lambda _: None
+) -> list[Claim]:
+    """Compute, draw and write everything that follows from the trainings that are done; the claims with verdicts.
+
+    Args:
+        study: whose trainings they are.
+        folder: of the study; results, claims, tables, figures and the report are written into it.
+        outcomes: of its jobs.
+        say: told what is being done.
+
+    Raises:
+        UserError: damaged results, or a folder that cannot be written.
+    """
+    configs = study.configs()
+    results = read_results(folder, configs)
+    say("computing the claims")
+    settings = ClaimSettings(reach_radius=RADII["random_reach"], hold_radius=RADII["hold_position"])
+    claims = evaluate_claims(results, settings)
+    tables = list(study_tables(results, RADII))
+    say("drawing the figures")
+    runs = {task: runs_of(folder, [config for config in configs if config.task == task]) for task in TASKS}
+    drawings = list(draw_study(results, RADII, runs))
+    _write(results, claims, tables, drawings, folder)
+    say("writing the report")
+    write_report(Findings(study, configs, outcomes, claims, tables, drawings), folder / REPORT)
+    return claims
+
+
+def _write(
+    results: pd.DataFrame,
+    claims: Sequence[Claim],
+    tables: Sequence[ReportTable],
+    drawings: Sequence[Drawing],
+    folder: Path,
+) -> None:
+    _csv(results, folder / RESULTS)
+    _csv(_claims_table(claims), folder / CLAIMS)
+    (folder / "tables").mkdir(exist_ok=True)
+    for table in tables:
+        _csv(table.frame(), folder / "tables" / f"{table.name}.csv")
+    for drawing in drawings:
+        save(drawing.figure, folder / "figures" / drawing.name)
+
+
+def _claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
+    """A row a component."""
+    return pd.DataFrame(
+        {
+            "claim": claim.number,
+            "verdict": claim.verdict,
+            "statement": claim.statement,
+            "component": component.text,
+            "component_verdict": component.verdict,
+            "quantity": component.quantity,
+            "unit": component.unit,
+            "estimate": component.estimate.value,
+            "low": component.estimate.low,
+            "high": component.estimate.high,
+            "test": component.test,
+            "p": component.p,
+            "p_tukey": component.tukey_p,
+        }
+        for claim in claims
+        for component in claim.components
+    )
+
+
+def _csv(table: pd.DataFrame, path: Path) -> None:
+    with replacing(path) as temporary:
+        table.to_csv(temporary, index=False)

@@ -1,0 +1,180 @@
+"""The tables of a study's report: models, tests and lesions in numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from bilateral_rl.analysis.comparison import ModelComparison, compare, compare_lesions
+from bilateral_rl.analysis.intervals import mean_interval
+from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric, specialization_index
+from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.figures.labels import model_label, task_label
+from bilateral_rl.policies.lesions import LESIONS
+
+_RADII = (0.01, 0.02, 0.03, 0.05)
+_SPREAD_NOTE = "Mean ± standard deviation over the seeds."
+_INDEX_NOTE = "(dominant − non-dominant) / (dominant + non-dominant) of what each hemisphere does alone, 95 % interval."
+
+
+@dataclass(frozen=True)
+class ReportTable:
+    """Text in rows and columns."""
+
+    name: str
+    """Of its file."""
+    title: str
+    columns: list[str]
+    rows: list[list[str]]
+    note: str = ""
+
+    def frame(self) -> pd.DataFrame:
+        """As a table to write."""
+        return pd.DataFrame(self.rows, columns=self.columns)
+
+
+def study_tables(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[ReportTable]:
+    """Every table of a report.
+
+    Args:
+        results: the long table (:mod:`bilateral_rl.analysis.results`).
+        radii: of each task's goal (m).
+    """
+    for task, radius in radii.items():
+        models = _models(results, task)
+        if models:
+            yield _of_models(results, task, models)
+        if len(models) > 1:
+            yield _of_tests(results, task, models)
+            yield _of_pairs(results, task, radius, models)
+    for task, radius in radii.items():
+        metric = find_metric(preferred_metric(task, radius))
+        models = [model for model in _models(results, task) if MODELS[model].architecture != "unilateral"]
+        if models:
+            yield _of_lesions(results, task, metric, models)
+            yield _of_specialization(results, task, metric, models)
+
+
+def _models(results: pd.DataFrame, task: str) -> list[str]:
+    there = set(results.loc[results["task"] == task, "model"])
+    return [model for model in MODELS if model in there]
+
+
+def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
+    there = set(results["metric"])
+    metrics = [metric for metric in metrics_of(task, _RADII) if metric.name in there]
+    rows = [
+        [_name(metric), *(_spread(by_seed(results, metric.name, task, model)) for model in models)]
+        for metric in metrics
+    ]
+    columns = ["", *(model_label(model) for model in models)]
+    return ReportTable(f"models_{task}", f"{task_label(task)}: the intact models", columns, rows, _SPREAD_NOTE)
+
+
+def _of_tests(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
+    there = set(results["metric"])
+    rows = []
+    for metric in metrics_of(task, _RADII):
+        if metric.name in there:
+            comparison = compare(results, metric.name, task, models)
+            rows.append([_name(metric), *_omnibus(comparison)])
+    columns = ["", "one-way ANOVA", "p", "Welch's ANOVA", "p"]
+    return ReportTable(f"tests_{task}", f"{task_label(task)}: do the models differ at all?", columns, rows)
+
+
+def _omnibus(comparison: ModelComparison) -> list[str]:
+    cells = []
+    for test in (comparison.anova, comparison.welch):
+        df = ", ".join(f"{value:.4g}" for value in test.df)
+        cells += [f"F({df}) = {test.statistic:.2f}" if not math.isnan(test.p) else test.note or "–", p_text(test.p)]
+    return cells
+
+
+def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]) -> ReportTable:
+    metric = find_metric(preferred_metric(task, radius))
+    pairs = compare(results, metric.name, task, models).pairs
+    rows = [
+        [
+            f"{model_label(pair['first'])} − {model_label(pair['second'])}",
+            f"{pair['difference']:+.3g}",
+            f"{_number(pair['low'])} to {_number(pair['high'])}",
+            f"{pair['g']:+.2f}",
+            p_text(pair["p_games_howell"]),
+            p_text(pair["p_tukey"]),
+        ]
+        for pair in pairs.to_dict("records")
+    ]
+    columns = ["", "difference", "95 % interval", "Hedges' g", "Games–Howell", "Tukey's HSD"]
+    title = f"{task_label(task)}: pairs of models by {_name(metric)}"
+    return ReportTable(f"pairs_{task}", title, columns, rows, "Bootstrap intervals (BCa).")
+
+
+def _of_lesions(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
+    columns, rows = [""], []
+    p_values = {}
+    for model in models:
+        columns += [model_label(model), "retrained", "p"]
+        p_values[model] = _against_intact(results, metric, task, model)
+    for state in (INTACT, *LESIONS):
+        row = [state.replace("non_dominant", "non-dominant").replace("_", " ")]
+        for model in models:
+            row += [_spread(by_seed(results, metric.name, task, model, state, again)) for again in (False, True)]
+            row.append(p_text(p_values[model].get(state, math.nan)))
+        rows.append(row)
+    note = f"{_SPREAD_NOTE} p: against the intact network, both retrained, paired t test, Holm over all pairs."
+    return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {_name(metric)}", columns, rows, note)
+
+
+def _against_intact(results: pd.DataFrame, metric: Metric, task: str, model: str) -> dict[str, float]:
+    rows = results[(results["model"] == model) & (results["task"] == task) & results["retrained"].astype(bool)]
+    if rows["lesion"].nunique() < 2:
+        return {}
+    pairs = compare_lesions(results, metric.name, task, model).pairs
+    pairs = pairs[pairs["first"] == INTACT]
+    return dict(zip(pairs["second"], pairs["p_holm"], strict=True))
+
+
+def _of_specialization(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
+    rows = []
+    for model in models:
+        row = [model_label(model)]
+        for retrained in (False, True):
+            sides = [
+                by_seed(results, metric.name, task, model, f"deep_{lesioned}", retrained)
+                for lesioned in ("non_dominant", "dominant")
+            ]
+            dominant, non_dominant = pd.concat(sides, axis=1, join="inner").to_numpy(dtype=np.float64).T
+            interval = mean_interval(specialization_index(dominant, non_dominant))
+            row.append(f"{interval.value:+.3f} ({_number(interval.low)} to {_number(interval.high)})")
+        rows.append(row)
+    title = f"{task_label(task)}: specialization index, {_name(metric)}"
+    columns = ["", "without retraining", "retrained"]
+    return ReportTable(f"specialization_{task}", title, columns, rows, _INDEX_NOTE)
+
+
+def _name(metric: Metric) -> str:
+    return f"{metric.label} ({metric.unit})" if metric.unit else metric.label
+
+
+def _spread(values: pd.Series) -> str:
+    numbers = values.dropna()
+    if numbers.empty:
+        return "–"
+    mean = f"{numbers.mean():.3g}" if abs(numbers.mean()) < 100 else f"{numbers.mean():.1f}"
+    return f"{mean} ± {numbers.std(ddof=1):.2g}" if len(numbers) > 1 else mean
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.3g}"
+
+
+def p_text(p: float) -> str:
+    """A p-value in a table."""
+    if math.isnan(p):
+        return "–"
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"

@@ -1,0 +1,304 @@
+"""Verdicts follow the results: worlds that bear a claim out, that contradict it, and that leave it open."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bilateral_rl.claims import ClaimSettings, evaluate_claims
+from bilateral_rl.claims.evaluation import CLAIMS
+from bilateral_rl.claims.evidence import Evidence
+from bilateral_rl.errors import UserError
+
+NUMBERS = [f"C{i}" for i in range(1, 15)]
+ON_LESIONS = ["C4", "C5", "C6", "C7", "C8"]
+# Changes of single means (model, measure, lesion), and the components that they contradict.
+CONTRADICTIONS = {
+    "C1 size": ("C1", {("uni_dl", "completion", "intact"): 99.5}, ["uni_dl from 94.7"]),
+    "C1 direction": (
+        "C1",
+        {("uni_dl", "completion", "intact"): 95.5, ("uni_ndl", "completion", "intact"): 96.0},
+        ["uni_dl > uni_ndl"],
+    ),
+    "C1 no difference": (
+        "C1",
+        {("uni_dl", "completion", "intact"): 95.5, ("uni_ndl", "completion", "intact"): 95.5},
+        ["uni_dl > uni_ndl"],
+    ),
+    "C2 too little": ("C2", {("uni_dl", "speed", "intact"): 2.1}, ["uni_dl / uni_ndl"]),
+    "C2 too much": ("C2", {("uni_dl", "speed", "intact"): 2.6}, ["uni_dl / uni_ndl"]),
+    "C3": ("C3", {("uni_ndl", "hold", "intact"): 20}, ["uni_ndl / uni_dl"]),
+    "C4 reach swapped": (
+        "C4",
+        {("bi_s", "completion", "deep_non_dominant"): 60, ("bi_s", "completion", "deep_dominant"): 90},
+        [
+            "(random_reach): dominant hemisphere of bi_s > non-dominant hemisphere of bi_s",
+            "(random_reach): dominant hemisphere of bi_s > dominant hemisphere of bi_ns",
+            "(random_reach): dominant hemisphere of bi_s > non-dominant hemisphere of bi_ns",
+            "(random_reach): dominant hemisphere of bi_ns > non-dominant hemisphere of bi_s",
+            "(random_reach): non-dominant hemisphere of bi_ns > non-dominant hemisphere of bi_s",
+        ],
+    ),
+    "C4 bi_ns too good": (
+        "C4",
+        {("bi_ns", "hold", "deep_dominant"): 26},
+        ["(hold_position): non-dominant hemisphere of bi_s > non-dominant hemisphere of bi_ns"],
+    ),
+    "C5": ("C5", {("bi_ns", "hold", "deep_dominant"): 22}, ["(hold_position)"]),
+    "C6": ("C6", {("cc_ns", "completion", "shallow_dominant"): 80}, ["cc_ns with shallow dominant"]),
+    "C6 as good": ("C6", {("cc_s", "hold", "shallow_non_dominant"): 12}, ["cc_s with shallow non-dominant"]),
+    "C7": ("C7", {("cc_s", "hold", "deep_non_dominant"): 30}, ["(hold_position)"]),
+    "C8 reach stays bad": (
+        "C8",
+        {("cc_ns", "completion", "callosum"): 80},
+        ["cc_ns with callosum lesion / cc_ns at le"],
+    ),
+    "C8 hold recovers": (
+        "C8",
+        {("cc_s", "hold", "callosum"): 34, ("cc_s", "hold", "shallow_dominant"): 34},
+        ["cc_s with callosum lesion / cc_s at most"],
+    ),
+    "C8 hold unlike shallow": (
+        "C8",
+        {("cc_s", "hold", "callosum"): 20},
+        ["cc_s with callosum lesion − cc_s with shallow dominant"],
+    ),
+    "C9": ("C9", {("bi_ns", "completion", "intact"): 90}, ["bi_ns at least 93"]),
+    "C10 speed": ("C10", {("uni_b", "speed", "intact"): 2.9}, ["cc_ns > uni_b"]),
+    "C10 specialized is faster": ("C10", {("bi_s", "speed", "intact"): 2.5}, ["bi_s > bi_ns, not conclusively"]),
+    "C10 completion": ("C10", {("cc_ns", "completion", "intact"): 99.9}, ["bi_s > cc_ns"]),
+    "C11 best": ("C11", {("uni_dl", "hold", "intact"): 37}, ["cc_s > uni_dl"]),
+    "C11 specialized is worse": ("C11", {("bi_s", "hold", "intact"): 22}, ["bi_s / bi_ns"]),
+    "C12": ("C12", {("bi_ns", "hold", "intact"): 21}, ["bi_ns > uni_b"]),
+    "C13 worse than the specialist": ("C13", {("uni_dl", "speed", "intact"): 2.69}, ["cc_s / uni_dl"]),
+    "C13 no better than the other": ("C13", {("uni_dl", "hold", "intact"): 36}, ["cc_s > uni_dl"]),
+    "C14": ("C14", {("uni_dl", "speed", "intact"): 2.9}, ["cc_ns > uni_dl"]),
+}
+
+
+@pytest.fixture(autouse=True)
+def _no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def evaluate(number, results, **settings):
+    return CLAIMS[number].evaluate(number, Evidence(results, ClaimSettings(**settings)))
+
+
+@pytest.fixture(scope="module")
+def papers_world(make_results):
+    return {claim.number: claim for claim in evaluate_claims(make_results())}
+
+
+@pytest.fixture(scope="module")
+def noisy_world(make_results):
+    """The same means among seeds that differ as much as they can."""
+    return {claim.number: claim for claim in evaluate_claims(make_results(noise=1.0))}
+
+
+def test_there_are_fourteen(papers_world):
+    assert list(papers_world) == NUMBERS
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_results_like_the_papers_support_the_claim(papers_world, number):
+    claim = papers_world[number]
+    assert [component.text for component in claim.components if component.verdict != "supported"] == []
+    assert claim.verdict == "supported"
+    assert claim.statement
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_results_that_are_mostly_noise_decide_nothing(noisy_world, number):
+    assert noisy_world[number].verdict == "undecided"
+
+
+@pytest.mark.parametrize("case", CONTRADICTIONS)
+def test_a_single_change_contradicts_its_components_and_no_others(make_results, case):
+    number, changes, contradicted = CONTRADICTIONS[case]
+    claim = evaluate(number, make_results(changes))
+    refused = [component.text for component in claim.components if component.verdict == "not supported"]
+    assert claim.verdict == "not supported"
+    assert len(refused) == len(contradicted)
+    for text, part in zip(refused, contradicted, strict=True):
+        assert part in text
+
+
+def test_every_claim_is_contradicted_by_something():
+    assert {number for number, _, _ in CONTRADICTIONS.values()} == set(NUMBERS)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_without_results_nothing_is_decided(make_results, number):
+    claim = evaluate(number, make_results().iloc[:0])
+    assert claim.verdict == "undecided"
+    assert "no results of " in claim.note
+    assert "no results of " in claim.numbers
+
+
+def test_what_is_missing_is_named_and_the_rest_computed(make_results):
+    claim = evaluate("C9", make_results(without=("bi_s",)))
+    assert claim.verdict == "undecided"
+    assert claim.note == "no results of bi_s in random_reach"
+    assert [component.verdict for component in claim.components].count("supported") == 6
+    lesioned = evaluate("C4", make_results(without=("bi_ns",)))
+    assert lesioned.verdict == "undecided"
+    assert "no results of dominant hemisphere of bi_ns in random_reach" in lesioned.note
+    assert [component.verdict for component in lesioned.components].count("supported") == 2
+
+
+def test_the_best_of_models_is_unknown_while_one_is_missing(make_results):
+    for number, model in (("C13", "bi_s"), ("C14", "uni_b")):
+        claim = evaluate(number, make_results(without=(model,)))
+        assert {component.verdict for component in claim.components} == {"undecided"}
+        assert model in claim.note
+
+
+def test_a_missing_model_does_not_save_a_claim_that_another_contradicts(make_results):
+    results = make_results({("bi_ns", "hold", "intact"): 21}, without=("cc_s", "cc_ns"))
+    assert evaluate("C12", results).verdict == "not supported"
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_one_seed_decides_nothing(make_results, number):
+    claim = evaluate(number, make_results(seeds=1))
+    assert claim.verdict == "undecided"
+    assert "1 seed: no test" in claim.note
+
+
+@pytest.mark.parametrize("seeds", [2, 3])
+@pytest.mark.parametrize("number", ["C1", "C2", "C6", "C8", "C9"])
+def test_few_seeds_are_said(make_results, number, seeds):
+    assert f"only {seeds} seeds" in evaluate(number, make_results(seeds=seeds)).note
+
+
+def test_few_seeds_need_more_certainty(make_results, papers_world):
+    few = evaluate("C2", make_results(noise=0.03, seeds=3)).components[0]
+    many = evaluate("C2", make_results(noise=0.03, seeds=10)).components[0]
+    assert few.verdict == "undecided"
+    assert many.verdict == "supported"
+    assert few.estimate.value == pytest.approx(many.estimate.value)
+
+
+def test_a_failed_seed_is_left_out_and_said(make_results):
+    results = make_results()
+    results.loc[(results["model"] == "uni_dl") & (results["seed"] == 3), "value"] = np.nan
+    claim = evaluate("C2", results)
+    assert claim.verdict == "supported"
+    assert claim.note == "1 value is no number"
+    assert "uni_dl 2.34" in claim.numbers
+    assert "(n = 9)" in claim.numbers
+
+
+def test_a_model_of_which_every_seed_failed_is_missing(make_results):
+    results = make_results()
+    results.loc[results["model"] == "uni_dl", "value"] = np.nan
+    assert evaluate("C3", results).note == "no results of uni_dl in hold_position"
+
+
+def test_models_that_all_complete_everything_are_not_better_than_each_other(make_results):
+    results = make_results()
+    results.loc[results["metric"] == "goal_completion_5cm", "value"] = 100.0
+    assert evaluate("C9", results).verdict == "supported"
+    last = evaluate("C10", results).components[-1]
+    assert last.verdict == "not supported"
+    assert "all values are equal: no test" in last.note
+
+
+@pytest.mark.parametrize("number", ON_LESIONS)
+def test_lesions_without_retraining_stand_beside_and_decide_nothing(make_results, number):
+    results = make_results()
+    bare = ~results["retrained"] & (results["lesion"] != "intact")
+    rng = np.random.default_rng(0)
+    results.loc[bare, "value"] = rng.permutation(results.loc[bare, "value"])
+    claim = evaluate(number, results)
+    assert claim.verdict == "supported"
+    assert len(claim.without_retraining) == len(claim.components)
+    verdicts = [component.verdict for component in claim.without_retraining]
+    assert "not supported" in verdicts or "undecided" in verdicts
+    assert "without the retraining epoch" in claim.note
+    assert evaluate(number, results[results["retrained"] | ~bare]).verdict == "supported"
+
+
+def test_states_of_a_network_are_paired_and_models_are_not(make_results):
+    # Seeds differ by far more than hemispheres do, and both hemispheres of a seed alike.
+    results = make_results()
+    of_seed = np.linspace(0.5, 1.5, 10)[results["seed"].to_numpy()]
+    sides = results["lesion"].isin(["deep_dominant", "deep_non_dominant"])
+    results.loc[sides, "value"] *= of_seed[sides.to_numpy()]
+    claim = evaluate("C4", results)
+    within = [component for component in claim.components if component.test.startswith("paired")]
+    between = [component for component in claim.components if component.test.startswith("Welch")]
+    assert (len(within), len(between)) == (2, 8)
+    assert {component.verdict for component in within} == {"supported"}
+    assert {component.verdict for component in between} == {"undecided"}
+
+
+def test_p_values_of_a_lesion_claim_are_one_family(make_results):
+    claim = evaluate("C7", make_results(noise=0.5))
+    from scipy.stats import ttest_rel
+
+    results = make_results(noise=0.5)
+    results = results[(results["model"] == "cc_s") & results["retrained"]]
+
+    def values(metric, lesion):
+        return results[(results["metric"] == metric) & (results["lesion"] == lesion)]["value"]
+
+    raw = [
+        ttest_rel(values(metric, "deep_dominant"), values(metric, "deep_non_dominant")).pvalue
+        for metric in ("goal_completion_5cm", "time_in_goal_5cm")
+    ]
+    low, high = np.argsort(raw)
+    assert claim.components[low].p == pytest.approx(2 * raw[low])
+    assert claim.components[high].p == pytest.approx(max(2 * raw[low], raw[high]))
+
+
+def test_the_papers_test_stands_beside_the_sound_one(papers_world):
+    component = papers_world["C12"].components[0]
+    assert component.test == "Games–Howell"
+    assert component.p < 0.05
+    assert component.tukey_p < 0.05
+    assert "Tukey's HSD, as in the paper: p < 0.001" in component.numbers
+
+
+def test_numbers_are_given_with_their_intervals(papers_world):
+    lines = papers_world["C1"].numbers.splitlines()
+    assert lines[0] == (
+        "Goal completion within 5 cm (random_reach): uni_dl from 94.7 to 98.7 %: uni_dl 96.7 ± 0.39 % (n = 10); "
+        "95 % interval 96.4 to 97"
+    )
+    assert lines[2] == (
+        "Goal completion within 5 cm (random_reach): uni_dl > uni_ndl: uni_dl 96.7 ± 0.39 % (n = 10), uni_ndl 94.6 ± "
+        "0.38 % (n = 10); difference 2.1 points, 95 % interval 1.74 to 2.46; Welch's t test: p < 0.001"
+    )
+    assert papers_world["C1"].tests == "95 % interval; Welch's t test"
+    assert "ratio 1.17" in papers_world["C2"].numbers
+
+
+def test_little_difference_is_of_means_and_single_networks_are_noted(papers_world):
+    assert "apart in random_reach" in papers_world["C5"].note
+
+
+def test_goals_may_have_other_radii(make_results):
+    results = make_results()
+    assert evaluate("C3", results, hold_radius=0.01).verdict == "undecided"
+    results["metric"] = results["metric"].replace("time_in_goal_5cm", "time_in_goal_1cm")
+    assert evaluate("C3", results, hold_radius=0.01).verdict == "supported"
+    assert "within 1 cm" in evaluate("C3", results, hold_radius=0.01).numbers
+
+
+def test_time_in_the_goal_of_reaches_is_no_hold(make_results):
+    results = make_results()
+    reaches = results[results["task"] == "hold_position"].assign(task="random_reach", value=1.0)
+    assert evaluate("C3", pd.concat([results, reaches])).verdict == "supported"
+
+
+def test_results_that_cannot_be_told_apart_are_refused(make_results):
+    results = make_results()
+    with pytest.raises(UserError, match="one algorithm, not of bptt and ppo"):
+        evaluate_claims(pd.concat([results, results.assign(algo="ppo")]))
+    with pytest.raises(UserError, match="several values of goal_completion_5cm"):
+        evaluate("C1", pd.concat([results, results]))

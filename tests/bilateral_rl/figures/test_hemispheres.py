@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+import torch
+
+from bilateral_rl.figures.hemispheres import Contributions, contributions, dominant_share, hemisphere_activity
+from bilateral_rl.policies import make_network
+
+
+@pytest.fixture
+def network():
+    torch.manual_seed(0)
+    network = make_network("callosal", 16, 6)
+    with torch.no_grad():
+        network.combination_dominant.fill_(0.75)
+        network.combination_non_dominant.fill_(0.25)
+    return network
+
+
+@pytest.fixture
+def record(make_record):
+    return make_record(observation=np.random.default_rng(0).normal(size=(4, 10, 16)).astype(np.float32))
+
+
+@pytest.mark.parametrize("lesion", ["intact", "deep_dominant", "deep_non_dominant", "callosum"])
+def test_contributions_add_up_to_what_the_output_layer_receives(network, record, lesion):
+    with network.lesioned(lesion), torch.no_grad():
+        sides = contributions(network, record)
+        output = network.output(torch.from_numpy(sides.dominant + sides.non_dominant))
+        np.testing.assert_allclose(output, network(torch.from_numpy(record.observation)), atol=1e-6)
+
+
+def test_a_side_lesioned_deep_contributes_nothing(network, record):
+    with network.lesioned("deep_dominant"):
+        sides = contributions(network, record)
+    assert not sides.dominant.any()
+    assert sides.non_dominant.any()
+
+
+def sides(dominant, non_dominant, n=2, steps=5, units=4):
+    """Every unit of a side contributes the same, with signs turn about."""
+    signs = np.array([1, -1] * (units // 2))
+    return Contributions(np.full((n, steps, units), dominant) * signs, np.full((n, steps, units), non_dominant) * signs)
+
+
+def test_the_share_is_that_of_absolute_contributions():
+    np.testing.assert_allclose(dominant_share(sides(0.6, 0.2)), np.full((2, 5), 75))
+    np.testing.assert_array_equal(dominant_share(sides(0.0, 0.2)), np.zeros((2, 5)))
+    assert np.isnan(dominant_share(sides(0.0, 0.0))).all()
+
+
+def test_contributions_above_and_shares_below(assert_texts_are_apart):
+    models = {"cc_s": sides(0.6, 0.2), "bi_ns": sides(0.3, 0.3), "bi_s": sides(0.1, 0.3), "cc_ns": sides(0.5, 0.5)}
+    figure = hemisphere_activity(models, 0.01, "Random reach: hemispheres")
+    above, below = np.array(figure.axes).reshape(2, 4)
+    assert [axes.get_title() for axes in above] == ["Bi-NS", "Bi-S", "CC-NS", "CC-S"]
+    dominant, non_dominant = above[3].lines
+    assert (dominant.get_label(), non_dominant.get_label()) == ("dominant", "non-dominant")
+    np.testing.assert_allclose(dominant.get_ydata(), 0.6)
+    np.testing.assert_allclose(non_dominant.get_ydata(), 0.2)
+    np.testing.assert_allclose(dominant.get_xdata(), [0, 10, 20, 30, 40])
+    np.testing.assert_allclose([axes.lines[0].get_ydata()[0] for axes in below], [50, 25, 50, 75])
+    assert dominant.get_linestyle() != non_dominant.get_linestyle()
+    assert dominant.get_marker() != non_dominant.get_marker()
+    assert below[0].get_ylabel().endswith("(%)")
+    assert below[0].get_xlabel() == "Time (ms)"
+    assert assert_texts_are_apart(figure) > 20

@@ -1,0 +1,62 @@
+from itertools import combinations
+
+import pytest
+from matplotlib.colors import to_rgb
+
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.figures.labels import axis_label, lesion_label, model_label, task_label
+from bilateral_rl.figures.style import MODEL_STYLES, families, in_order, model_style
+
+
+def lightness(color):
+    """Luma of Rec. 601, which pictures are converted to grey by."""
+    return sum(weight * channel for weight, channel in zip((0.299, 0.587, 0.114), to_rgb(color), strict=True))
+
+
+def test_every_model_has_a_style_and_none_shares_its_marker_or_color():
+    assert list(MODEL_STYLES) == list(MODELS)
+    assert len({style.marker for style in MODEL_STYLES.values()}) == len(MODELS)
+    assert len({style.color for style in MODEL_STYLES.values()}) == len(MODELS)
+
+
+def test_models_in_one_panel_differ_in_grey_by_lightness_and_line():
+    for group in families(MODELS):
+        for a, b in combinations(map(model_style, group), 2):
+            assert abs(lightness(a.color) - lightness(b.color)) > 0.15
+            assert a.line != b.line
+
+
+def test_specialized_models_are_the_darker_ones():
+    for plain, specialized in (("bi_ns", "bi_s"), ("cc_ns", "cc_s"), ("uni_b", "uni_dl"), ("uni_b", "uni_ndl")):
+        assert lightness(MODEL_STYLES[specialized].color) < lightness(MODEL_STYLES[plain].color)
+
+
+def test_models_stand_in_the_catalogues_order_and_others_after_them():
+    assert in_order(["zebra", "cc_s", "uni_b", "ant", "cc_s"]) == ["uni_b", "cc_s", "ant", "zebra"]
+    together = families(["cc_s", "zebra", "uni_ndl", "cc_ns", "uni_b"])
+    assert together == [["uni_b", "uni_ndl"], ["cc_ns", "cc_s"], ["zebra"]]
+
+
+def test_names_in_words():
+    assert [model_label(name) for name in MODELS] == ["Uni-B", "Uni-DL", "Uni-NDL", "Bi-NS", "Bi-S", "CC-NS", "CC-S"]
+    assert model_label("my_run") == "my_run"
+    assert task_label("random_reach") == "Random reach"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("intact", "intact"),
+        ("shallow_dominant", "shallow\ndominant"),
+        ("shallow_non_dominant", "shallow\nnon-\ndominant"),
+        ("callosum", "callosum"),
+        ("callosum_deep_non_dominant", "callosum,\ndeep non-\ndominant"),
+    ],
+)
+def test_lesions_in_words(name, words):
+    assert lesion_label(name) == words
+
+
+def test_axis_labels_keep_a_number_with_its_unit(completion, deviation):
+    assert axis_label(completion) == "Goal completion\nwithin 5\u00a0cm (%)"
+    assert axis_label(deviation) == "Maximal\nperpendicular\ndeviation (cm)"

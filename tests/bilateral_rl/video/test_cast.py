@@ -1,0 +1,39 @@
+"""Who acts."""
+
+import numpy as np
+
+from bilateral_rl.controllers import load_policy
+from bilateral_rl.evaluation import Evaluator
+from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
+from bilateral_rl.training import train
+from bilateral_rl.video.cast import Actor, labels
+
+
+def test_labels_say_who_acts_and_name_the_folder_only_where_needed(bptt_run, run):
+    seeds = [Actor.load(f"{bptt_run.path}:{seed}", "final") for seed in (0, 2)]
+    assert labels(seeds, "intact") == ["cc_s · bptt · seed 0", "cc_s · bptt · seed 2"]
+    ppo = Actor.load(str(run.path), "final")
+    assert labels([ppo], "deep_non_dominant") == ["cc_s · ppo · seed 0 · lesion: deep non-dominant"]
+    assert labels([ppo, ppo], "intact") == ["cc_s · ppo · seed 0 (cc_s-ppo-1)"] * 2
+
+
+def test_the_chosen_weights_act(bptt_run, same_bits):
+    run = f"{bptt_run.path}:1"
+    states = {weights: Actor.load(run, weights).policy.actor.state_dict() for weights in ("final", "best")}
+    assert not same_bits(states["final"], states["best"])
+    for weights, state in states.items():
+        assert same_bits(state, load_policy(run, weights).actor.state_dict())
+
+
+def test_a_run_of_the_released_profile_has_the_released_lesions(small_bptt, tmp_path):
+    actors = [
+        Actor.load(str(train(small_bptt(profile=profile, epochs=1), tmp_path).folder.path), "final")
+        for profile in ("paper", "released")
+    ]
+    name = "callosum_deep_dominant"
+    for actor, lesion in zip(actors, (LESIONS[name], RELEASED_LESIONS[name]), strict=True):
+        evaluator = Evaluator("random_reach", actor.config.trial, 2, seed=0)
+        with actor.policy.actor.lesioned(lesion):
+            expected = evaluator.run(actor.policy).hand
+        np.testing.assert_array_equal(actor.perform(evaluator, name, 0.05, "").record.hand, expected)
+        assert (actor.perform(evaluator, "intact", 0.05, "").record.hand != expected).any()

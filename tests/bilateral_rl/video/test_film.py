@@ -1,0 +1,95 @@
+"""What a film shows."""
+
+import numpy as np
+import pytest
+
+from bilateral_rl.envs import ArmEnv
+from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.video.film import Take, postures
+
+SIZE = 320
+CAPTION = SIZE // 8
+"""Rows of a picture that hold its caption."""
+PAUSE = 15
+"""Pictures of 0.6 s at 25 a second."""
+
+
+def test_the_posture_of_a_hand_is_the_one_that_puts_it_there():
+    arm = ArmParameters()
+    shoulder, elbow = np.meshgrid(np.radians(np.linspace(0, 135, 28)), np.radians(np.linspace(0, 155, 32)))
+    upper, fore = arm.link_length
+    x = upper * np.cos(shoulder) + fore * np.cos(shoulder + elbow)
+    y = upper * np.sin(shoulder) + fore * np.sin(shoulder + elbow)
+    angles = postures(arm, np.stack((x, y), axis=-1))
+    np.testing.assert_allclose(angles, np.stack((shoulder, elbow), axis=-1), atol=1e-6)
+
+
+def test_postures_are_those_of_the_simulated_arm():
+    env = ArmEnv("random_reach")
+    env.action_space.seed(1)
+    for seed in range(5):
+        env.reset(seed=seed)
+        for _ in range(50):
+            env.step(env.action_space.sample())
+            angles = postures(env.settings.arm, env.batch.hand.astype(float))
+            np.testing.assert_allclose(angles, env.batch.joint[:, :2], atol=2e-3)
+
+
+def test_a_scene_shows_the_arm_after_so_many_steps(make_record):
+    rng = np.random.default_rng(0)
+    activation = rng.random((2, 8, 6), dtype=np.float32)
+    hand = np.float32([0.1, 0.3]) + 0.1 * rng.random((2, 9, 2), dtype=np.float32)
+    load = np.float32([[1, 2], [3, -4]])
+    take = Take("cc_s", make_record(2, activation=activation, hand=hand, load=load), 0.03)
+    start, later = take.scene(1, 0, "t"), take.scene(1, 5, "t")
+    np.testing.assert_array_equal(start.activation, np.full(6, ArmParameters().min_activation))
+    np.testing.assert_array_equal(start.path, hand[1, :1])
+    np.testing.assert_array_equal(later.activation, activation[1, 4])
+    np.testing.assert_array_equal(later.path, hand[1, :6])
+    np.testing.assert_allclose(later.angles, postures(ArmParameters(), hand[1, 5].astype(float)))
+    np.testing.assert_array_equal(later.load, [3, -4])
+    assert later.threshold == 0.03
+    assert later.caption.splitlines() == ["cc_s", "t", take.goal(1, 5)]
+
+
+def test_a_reach_is_reached_after_three_steps_in_the_goal_and_stays_so(make_record):
+    distance = np.float32([[0.2, 0.04, 0.04, 0.06, 0.03, 0.02, 0.01, 0.3]])
+    take = Take("", make_record(distance=distance), 0.05)
+    assert [take.goal(0, step) for step in range(9)] == ["goal not reached yet"] * 7 + ["goal reached"] * 2
+
+
+def test_a_reach_that_ends_elsewhere_is_not_reached(make_record):
+    take = Take("", make_record(), 0.05)
+    assert [take.goal(0, step) for step in (0, 7, 8)] == ["goal not reached yet"] * 2 + ["goal not reached"]
+
+
+def test_a_hold_counts_its_steps_in_the_goal(make_record):
+    distance = np.float32([[0.01, 0.02, 0.06, 0.04, 0.2, 0.2, 0.2, 0.04]])
+    take = Take("", make_record(distance=distance, start_distance=np.zeros(1, np.float32)), 0.05)
+    inside = [0, 1, 2, 2, 3, 3, 3, 3, 4]
+    assert [take.goal(0, k) for k in range(9)] == [f"in the goal {n} of {k} steps" for k, n in enumerate(inside)]
+
+
+def test_a_film_shows_every_step_of_every_trial_and_pauses_after_each(make_record, make_film):
+    rng = np.random.default_rng(0)
+    film = make_film(make_record(2, activation=rng.random((2, 8, 6), dtype=np.float32)))
+    pictures = list(film)
+    assert film.fps == pytest.approx(25)  # a step of 10 ms lasts 40
+    assert len(pictures) == len(film) == 2 * (9 + PAUSE)
+    for i in range(2):
+        trial = pictures[i * 24 : (i + 1) * 24]
+        for step in range(9):
+            np.testing.assert_array_equal(trial[step], film.picture(i, step))
+            assert (trial[step] != trial[step - 1]).any()
+        for still in trial[9:]:
+            np.testing.assert_array_equal(still, trial[8])
+
+
+@pytest.mark.parametrize(("n", "rows", "columns"), [(1, 1, 1), (2, 1, 2), (3, 1, 3), (4, 2, 2), (5, 2, 3), (7, 2, 4)])
+def test_controllers_stand_side_by_side(n, rows, columns, make_record, make_film):
+    film = make_film(*[make_record()] * n)
+    picture = film.picture(0, 3)
+    assert film.shape == picture.shape[:2] == (rows * SIZE, columns * SIZE)
+    last = picture[(rows - 1) * SIZE :, (n - 1) % columns * SIZE :][:SIZE, :SIZE]
+    assert (last[CAPTION:] == picture[CAPTION:SIZE, :SIZE]).all()
+    assert (last[:CAPTION] != picture[:CAPTION, :SIZE]).any() == (n > 1)  # another name
