@@ -159,7 +159,7 @@ def render(
     seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
     lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",
     weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the runs.")] = "final",
-    slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's.")] = 5,
+    slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
     size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
 ) -> None:
     """Make a video of trained models doing the same trials, muscles colored by activation."""
@@ -188,6 +188,33 @@ def reproduce(
     from bilateral_rl.commands import reproduce as command
 
     command.reproduce(algo, profile, seeds, quick, jobs, ray, overrides or [], out, console)
+
+
+@app.command()
+def sweep(
+    grid: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=V,V,…", help="A setting and its values; may be repeated. model and task are two."),
+    ],
+    algo: Annotated[str, typer.Option(help="ppo or bptt.")] = "bptt",
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
+    ] = None,
+    metrics: Annotated[
+        list[str] | None,
+        typer.Option("--metric", help="To print, such as time_in_goal_1cm; may be repeated."),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
+    jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
+    ray: Annotated[
+        str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the sweep.", show_default="runs/sweep")] = None,
+) -> None:
+    """Train at every point of a grid of settings, and show what came out side by side."""
+    from bilateral_rl.commands import sweep as command
+
+    command.sweep(algo, grid, overrides or [], metrics, trials, jobs, ray, out, console)
 
 
 @app.command("list")

@@ -18,6 +18,7 @@ from bilateral_rl.claims import Claim
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
 from bilateral_rl.errors import UserError
 from bilateral_rl.study.board import ConsoleBoard
+from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState
 from bilateral_rl.study.local import run_local
 from bilateral_rl.study.plan import QUICK_SEEDS, Study, threads_for
@@ -48,7 +49,7 @@ def reproduce(
         raise UserError(f"--jobs must be at least 1, got {at_once}.")
     jobs = study.jobs(threads_for(at_once, n_cpus))
     folder = out or Path("runs") / study.name
-    study.claim(folder)
+    claim_folder(folder, study.to_values())
     place = escape(shlex.quote(str(folder)))
     console.print(
         f"{len(jobs)} trainings into [bold]{place}[/bold]; Ctrl-C stops and saves, the same command goes on.",

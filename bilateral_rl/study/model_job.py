@@ -9,7 +9,7 @@ from typing import Any
 
 from bilateral_rl import training
 from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
-from bilateral_rl.config import BPTTConfig, TrainConfig
+from bilateral_rl.config import TrainConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.progress import FAILED, FINISHED, Outcome, Progress
 from bilateral_rl.reports import total_of
@@ -24,21 +24,25 @@ _TRAINING_SHARE = 0.85
 """Of a job's time, roughly: for its progress bar."""
 
 
-def train_and_measure(folder: Path, progress: JobProgress, config: Values, lesions: Mapping[str, Any]) -> None:
-    """Train below ``folder / "runs"``, unless that is done, and write the results (:func:`results_file`).
+def train_and_measure(
+    folder: Path, progress: JobProgress, config: Values, lesions: Mapping[str, Any], runs: str, result: str
+) -> None:
+    """Train, unless that is done, and write the results (:mod:`bilateral_rl.analysis.results`).
 
     Args:
         folder: of the study.
         progress: told how far the job is.
         config: of the training.
         lesions: fields of :class:`~bilateral_rl.analysis.lesioning.LesionSettings`.
+        runs: where in ``folder`` the run lies or comes to lie.
+        result: the file in ``folder`` that takes the results.
 
     Raises:
         UserError: a training that failed.
         KeyboardInterrupt: somebody stopped the training; it is saved.
     """
     wanted = resolve(None, None, [config])
-    run = _trained_run(folder, wanted, progress)
+    run = _trained_run(folder / runs, wanted, progress)
     study = LesionStudy(run, LesionSettings(threads=getattr(wanted, "threads", 1), **lesions))
 
     def on_state(done: int, total: int, name: str) -> None:
@@ -46,40 +50,23 @@ def train_and_measure(folder: Path, progress: JobProgress, config: Values, lesio
         progress.update(share, f"testing: {name.replace('_', ' ')}" if name else "tested")
 
     results = study.run(on_state)
-    path = folder / results_file(wanted)
+    path = folder / result
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary:
         results.to_csv(temporary, index=False)
 
 
-def job_name(config: TrainConfig) -> str:
-    """Of the job that trains ``config``."""
-    seed = "" if isinstance(config, BPTTConfig) else f"-seed-{config.seed}"
-    return f"{config.task}/{config.model}{seed}"
-
-
-def results_file(config: TrainConfig) -> str:
-    """Where in the study's folder its part of the long table of results lies (:mod:`bilateral_rl.analysis.results`)."""
-    return f"results/{job_name(config)}.csv"
-
-
-def find_run(folder: Path, config: TrainConfig) -> RunFolder | None:
-    """The study's run of ``config``, if there is one, whatever machine it was made for."""
-    for run in find_runs(_runs_folder(folder, config)):
+def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
+    """The run of ``config`` below ``runs``, if there is one, whatever machine it was made for."""
+    for run in find_runs(runs):
         if run.path.parent.name == config.task and _same(run, config):
             return run
     return None
 
 
-def _runs_folder(folder: Path, config: TrainConfig) -> Path:
-    """One of its own for each seed that is a run of its own, so that jobs need not agree on who takes which number."""
-    runs = folder / "runs"
-    return runs if isinstance(config, BPTTConfig) else runs / f"seed-{config.seed}"
-
-
-def _trained_run(folder: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
+def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
     """The finished run: as it lies there, resumed or made now."""
-    run = find_run(folder, config)
+    run = find_run(runs, config)
     state = run.status().get("state") if run else None
     if run and state == FINISHED:
         return run
@@ -90,7 +77,7 @@ def _trained_run(folder: Path, config: TrainConfig, progress: JobProgress) -> Ru
         return _finished(training.resume(run, config, watch))
     if run:  # stopped before anything was saved
         shutil.rmtree(run.path)
-    return _finished(training.train(config, _runs_folder(folder, config), watch))
+    return _finished(training.train(config, runs, watch))
 
 
 def _finished(outcome: Outcome) -> RunFolder:

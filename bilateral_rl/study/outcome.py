@@ -11,7 +11,8 @@ from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.config import BPTTConfig, TrainConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.run_folder import RunFolder
-from bilateral_rl.study.model_job import find_run, results_file
+from bilateral_rl.study.model_job import find_run
+from bilateral_rl.study.plan import results_file, runs_folder
 
 
 def read_results(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:
@@ -25,7 +26,7 @@ def runs_of(folder: Path, configs: Sequence[TrainConfig]) -> dict[str, list[RunF
     """The runs of the trainings that are done, by model."""
     runs: dict[str, list[RunFolder]] = {}
     for config in configs:
-        run = find_run(folder, config) if (folder / results_file(config)).is_file() else None
+        run = find_run(folder / runs_folder(config), config) if (folder / results_file(config)).is_file() else None
         if run is not None:
             runs.setdefault(config.model, []).append(run)
     return runs

@@ -5,23 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-import yaml
-
-from bilateral_rl import settings
 from bilateral_rl.catalogue import ALGORITHMS, MODELS, check_choice
-from bilateral_rl.config import PROFILES, TrainConfig
+from bilateral_rl.config import PROFILES, BPTTConfig, TrainConfig
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import replacing
-from bilateral_rl.settings import Values, merge
-from bilateral_rl.study.jobs import Job, make_study_folder
-from bilateral_rl.study.model_job import job_name, results_file
+from bilateral_rl.settings import Values
+from bilateral_rl.study.jobs import Job
 
-STUDY_FILE = "study.yaml"
+TRAIN_AND_MEASURE = "bilateral_rl.study.model_job:train_and_measure"
 QUICK_SEEDS = 3
 _QUICK: dict[str, Values] = {
     "bptt": {"epochs": 10},
@@ -92,42 +86,45 @@ class Study:
         """What ``study.yaml`` holds."""
         return dataclasses.asdict(self)
 
-    def claim(self, folder: Path) -> None:
-        """Make ``folder`` this study's.
 
-        Raises:
-            UserError: a folder that cannot be written, or that holds another study.
-        """
-        make_study_folder(folder)
-        path = folder / STUDY_FILE
-        if path.is_file():
-            _check_same(path, settings.load_file(path), self.to_values())
-            return
-        if any(folder.iterdir()):
-            raise UserError(f"{folder} is not empty and holds no study; choose another --out.")
-        with replacing(path) as temporary:
-            temporary.write_text(yaml.safe_dump(self.to_values(), sort_keys=False), encoding="utf-8")
+def job_name(config: TrainConfig) -> str:
+    """Of the job that trains ``config``."""
+    seed = "" if isinstance(config, BPTTConfig) else f"-seed-{config.seed}"
+    return f"{config.task}/{config.model}{seed}"
+
+
+def results_file(config: TrainConfig) -> str:
+    """Where in the study's folder the results of ``config`` lie."""
+    return f"results/{job_name(config)}.csv"
+
+
+def runs_folder(config: TrainConfig) -> str:
+    """Where in the study's folder the run of ``config`` lies.
+
+    Seeds that are runs of their own lie in folders of their own: the jobs need not agree on who takes which number.
+    """
+    return "runs" if isinstance(config, BPTTConfig) else f"runs/seed-{config.seed}"
+
+
+def cost_of(config: TrainConfig) -> float:
+    """Of a training, against others of the same study."""
+    return _SPECIALIZED_COST if MODELS[config.model].loss == "specialized" else 1.0
 
 
 def _job(config: TrainConfig, tests: Mapping[str, Any], threads: int) -> Job:
-    specialized = MODELS[config.model].loss == "specialized"
     return Job(
         name=job_name(config),
-        work="bilateral_rl.study.model_job:train_and_measure",
+        work=TRAIN_AND_MEASURE,
         result=results_file(config),
-        arguments={"config": config.to_values(), "lesions": dict(tests)},
-        cost=_SPECIALIZED_COST if specialized else 1.0,
+        arguments={
+            "config": config.to_values(),
+            "lesions": dict(tests),
+            "runs": runs_folder(config),
+            "result": results_file(config),
+        },
+        cost=cost_of(config),
         threads=threads,
     )
-
-
-def _check_same(path: Path, there: Values, wanted: Values) -> None:
-    for name, value in merge(there, wanted).items():
-        if there.get(name) != value:
-            raise UserError(
-                f"{path.parent} holds a study with {name} = {there.get(name)!r}, not {value!r}: "
-                "go on with it as it was begun, or choose another --out."
-            )
 
 
 def threads_for(n_jobs: int, n_cpus: int) -> int:

@@ -1,0 +1,92 @@
+"""`bilateral-rl sweep`."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from bilateral_rl import settings
+from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
+from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
+from bilateral_rl.errors import UserError
+from bilateral_rl.run_folder import replacing
+from bilateral_rl.study.folder import claim_folder
+from bilateral_rl.study.jobs import JobState
+from bilateral_rl.study.plan import threads_for
+from bilateral_rl.study.sweep import Sweep, parse_grid, read_sweep
+
+
+def sweep(
+    algo: str,
+    grid: Sequence[str],
+    overrides: Sequence[str],
+    metrics: Sequence[str] | None,
+    trials: int,
+    n_jobs: int | None,
+    ray: str | None,
+    out: Path | None,
+    console: Console,
+) -> None:
+    """Train at every point of a grid and print what came out, a row a point."""
+    if trials < 1:
+        raise UserError(f"--trials must be at least 1, got {trials}.")
+    wanted = [find_metric(name) for name in metrics or []]
+    study = Sweep(algo, parse_grid(grid), settings.parse_overrides(overrides), trials)
+    n_cpus = len(os.sched_getaffinity(0))
+    at_once = n_cpus if n_jobs is None else n_jobs
+    if at_once < 1:
+        raise UserError(f"--jobs must be at least 1, got {at_once}.")
+    jobs = study.jobs(threads_for(at_once, n_cpus))
+    folder = out or Path("runs") / "sweep"
+    claim_folder(folder, study.to_values())
+    outcomes = run_jobs(jobs, folder, at_once, ray, "sweep", console)
+    leave_if_interrupted(outcomes, console)
+    for outcome in outcomes:
+        if outcome.state == JobState.FAILED:
+            console.print(f"[red]Failed:[/red] {escape(f'{outcome.job.name}: {outcome.error}')}", soft_wrap=True)
+    results = read_sweep(study, folder)
+    if results.empty:
+        raise UserError(f"No training of the sweep is done; the logs are in {folder / 'logs'}.")
+    with replacing(folder / "sweep.csv") as temporary:
+        results.to_csv(temporary, index=False)
+    console.print(_table(study, results, wanted))
+    shown = escape(shlex.quote(str(folder / "sweep.csv")))
+    console.print(f"Every metric of every seed: [bold]{shown}[/bold]", soft_wrap=True, highlight=False)
+
+
+def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Table:
+    """Mean ± standard deviation over the seeds, a row a point."""
+    shown = list(metrics) or _preferred(study)
+    table = Table(*(name.rpartition(".")[2] for name in study.grid), title="Sweep", title_justify="left")
+    for metric in shown:
+        table.add_column(f"{metric.label} ({metric.unit})" if metric.unit else metric.label, justify="right")
+    table.add_column("seeds", justify="right")
+    for point in study.points():
+        rows = results
+        for name, value in point.items():
+            rows = rows[rows[name] == value]
+        if len(rows):
+            cells = [_spread(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
+            table.add_row(*map(escape, point.values()), *cells, str(rows["seed"].nunique()))
+    return table
+
+
+def _preferred(study: Sweep) -> list[Metric]:
+    names: dict[str, None] = {}
+    for point in study.points():
+        config = study.config(point)
+        names[preferred_metric(config.task, config.trial.threshold)] = None
+    return [find_metric(name) for name in [*names, "final_error"]]
+
+
+def _spread(values: pd.Series) -> str:
+    if values.dropna().empty:
+        return "–"
+    return f"{values.mean():.4g} ± {values.std(ddof=1):.2g}" if len(values) > 1 else f"{values.mean():.4g}"

@@ -1,0 +1,110 @@
+"""Trainings over a grid of settings, measured side by side."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bilateral_rl.config import TrainConfig
+from bilateral_rl.errors import UserError
+from bilateral_rl.resolve import resolve
+from bilateral_rl.settings import Values, merge, parse_overrides
+from bilateral_rl.study.jobs import Job
+from bilateral_rl.study.plan import TRAIN_AND_MEASURE, cost_of
+
+MAX_POINTS = 1_000
+"""Of a grid: more is a slip of the finger."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A training at every point of a grid.
+
+    Raises:
+        UserError: no grid, or one of too many points.
+    """
+
+    algo: str
+    grid: Mapping[str, Sequence[str]]
+    """Values, as ``--set`` takes them, by setting; models and tasks are settings too."""
+    overrides: Values = field(default_factory=dict)
+    """Settings of every training."""
+    trials: int = 1024
+    """Of each test."""
+
+    def __post_init__(self) -> None:
+        n = 1
+        for values in self.grid.values():
+            n *= len(values)
+        if not self.grid or not 1 <= n <= MAX_POINTS:
+            raise UserError(f"A sweep needs a --grid of 1 to {MAX_POINTS:,} points, got {n if self.grid else 'none'}.")
+
+    def points(self) -> list[dict[str, str]]:
+        """Every combination: a value, as text, by setting."""
+        return [dict(zip(self.grid, values, strict=True)) for values in itertools.product(*self.grid.values())]
+
+    def config(self, point: Mapping[str, str], threads: int = 1) -> TrainConfig:
+        """The training at a point. Raises UserError for settings that cannot be."""
+        layers = [{"threads": threads}, self.overrides, parse_overrides([f"{k}={v}" for k, v in point.items()])]
+        values: Values = {}
+        for layer in layers:
+            values = merge(values, layer)
+        return resolve(self.algo, values.get("task"), [values])
+
+    def jobs(self, threads: int = 1) -> list[Job]:
+        """One for each point. Raises UserError for settings that cannot be, and for two points that are one."""
+        jobs = [self._job(point, self.config(point, threads), threads) for point in self.points()]
+        names = [job.name for job in jobs]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise UserError(f"The grid holds {twice[0]} more than once; give every value once.")
+        return jobs
+
+    def to_values(self) -> Values:
+        """What ``study.yaml`` holds."""
+        grid = {name: list(values) for name, values in self.grid.items()}
+        return {"sweep": grid, "algo": self.algo, "overrides": self.overrides, "trials": self.trials}
+
+    def _job(self, point: Mapping[str, str], config: TrainConfig, threads: int) -> Job:
+        name = point_name(point)
+        lesions: dict[str, Any] = {"lesions": ["intact"], "retrain": False, "trials": self.trials}
+        result = f"results/{name}.csv"
+        arguments = {"config": config.to_values(), "lesions": lesions, "runs": f"runs/{name}", "result": result}
+        seeds = getattr(config, "seeds", 1)
+        return Job(name, TRAIN_AND_MEASURE, result, arguments, cost=cost_of(config) * seeds, threads=threads)
+
+
+def parse_grid(items: Sequence[str]) -> dict[str, list[str]]:
+    """``["bptt.penalty=weights,activity"]`` as values by setting. Raises UserError for text of another form."""
+    grid: dict[str, list[str]] = {}
+    for item in items:
+        name, equals, values = item.partition("=")
+        texts = [text.strip() for text in values.split(",")]
+        if not name or not equals or not all(texts):
+            raise UserError(f"--grid takes key=value,value,…, such as bptt.penalty=weights,activity, not {item!r}.")
+        if name in grid:
+            raise UserError(f"--grid has {name} twice; give all its values at once.")
+        grid[name] = texts
+    return grid
+
+
+def point_name(point: Mapping[str, str]) -> str:
+    """Of a point's job and folder: the last part of each setting's name with its value."""
+    parts = [f"{name.rpartition('.')[2]}={value}" for name, value in point.items()]
+    return re.sub(r"[^\w.=,+-]", "_", ",".join(parts))
+
+
+def read_sweep(sweep: Sweep, folder: Path) -> pd.DataFrame:
+    """The long table of the points that are done, with a column for each setting of the grid."""
+    tables = []
+    for point in sweep.points():
+        path = folder / "results" / f"{point_name(point)}.csv"
+        if path.is_file():
+            tables.append(pd.read_csv(path).assign(**point))
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
