@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis.intervals import Interval, mean_interval
 from bilateral_rl.figures.style import INK, TEXT_SIZE, ModelStyle
@@ -38,7 +38,7 @@ def draw_seeds(
     if mean.n == 0:
         axes.text(x, 0.03, "–", transform=axes.get_xaxis_transform(), ha="center", size=1.3 * TEXT_SIZE, color="0.4")
         return mean
-    places = x + (width * np.linspace(-0.5, 0.5, len(heights)) if len(heights) > 1 else np.zeros(1))
+    places = x + width * _places(len(heights))
     axes.plot(places, heights, "o", color=style.color, alpha=0.45, markersize=2.8, markeredgewidth=0, gid="seeds")
     if mean.n > 1:
         axes.vlines(x, mean.low, mean.high, color=INK, linewidth=1.3, zorder=3, gid="interval")
@@ -48,6 +48,11 @@ def draw_seeds(
         zorder=4, gid="mean",
     )  # fmt: skip
     return mean
+
+
+def _places(n: int) -> NDArray[np.float64]:
+    """(n,) in [-0.5, 0.5], of which none of several is in the middle, where the mean would hide it."""
+    return np.linspace(-0.5, 0.5, n + n % 2)[:n] if n > 1 else np.zeros(n)
 
 
 def marks_in_words(means: Iterable[Interval]) -> str:

@@ -76,4 +76,5 @@ def test_each_seed_has_its_own_place_in_every_column(make_results, completion, v
     figure = model_comparison(make_results(completion, values), "random_reach", [completion])
     places = [seeds.get_xdata() - i for i, seeds in enumerate(artists(figure.axes[0], "seeds"))]
     assert len(set(places[0])) == 3
+    assert min(abs(places[0])) > 0.05  # else the mean's marker would hide it
     np.testing.assert_allclose(places, np.broadcast_to(places[0], (len(MODELS), 3)), atol=1e-12)
