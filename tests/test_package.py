@@ -29,7 +29,8 @@ def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
     expected |= {f"bilateral_rl/policies/{name}" for name in python_files(ROOT / "policies")}
     own = python_files(ROOT / "bilateral_rl")
     expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
-    assert names == expected | {"bilateral_rl/defaults.yaml", "bilateral_rl/py.typed"}
+    data = {"defaults.yaml", "py.typed", "study/report.html.jinja"}
+    assert names == expected | {f"bilateral_rl/{name}" for name in data}
 
 
 def test_dependencies_point_one_way():

@@ -1,7 +1,7 @@
-"""95 % intervals under the normal model, exact also for the few seeds of a preview: mean, difference, ratio, effect.
+"""95 % intervals under the normal model, fit for the few seeds of a preview too: mean, difference, ratio, effect.
 
-Verdicts use these and not the bootstrap, whose intervals are too narrow for few seeds: from three it covers the truth
-at most three times in four, because it cannot leave the range of the sample.
+Verdicts use these and not the bootstrap, whose intervals are too narrow for few seeds: from three it covers a mean
+about three times in four, because it cannot leave the range of the sample.
 """
 
 from __future__ import annotations

@@ -17,7 +17,6 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.policies.lesions import Side
 
 OTHER: dict[Side, Side] = {"dominant": "non_dominant", "non_dominant": "dominant"}
-_Tests = dict[tuple[int, int], PairTest]
 _NUMBER = {model: number for number, model in enumerate(MODELS)}
 
 
@@ -96,7 +95,8 @@ class Evidence:
         self.speed = Measure(find_metric(f"speed_to_goal_{threshold_name(settings.reach_radius)}"), reach)
         self.hold = Measure(find_metric(preferred_metric(hold, settings.hold_radius)), hold)
         self._results = results
-        self._families: dict[str, tuple[_Tests, _Tests]] = {}
+        self._values: dict[tuple[str, str, str, str, bool], pd.Series] = {}
+        self._post_hoc: dict[tuple[Measure, str, str], tuple[PairTest, PairTest]] = {}
 
     def intact(self, measure: Measure, model: str) -> Sample:
         """The network as it was trained."""
@@ -112,20 +112,18 @@ class Evidence:
 
     def post_hoc(self, measure: Measure, first: str, second: str) -> tuple[PairTest, PairTest]:
         """Games–Howell and Tukey's HSD of two intact models, in the family of the models there are."""
-        if measure.metric.name not in self._families:
-            self._families[measure.metric.name] = self._family(measure)
-        howell, tukey = self._families[measure.metric.name]
-        pair = _NUMBER[first], _NUMBER[second]
-        pair = min(pair), max(pair)
-        return howell[pair], tukey[pair]
-
-    def _family(self, measure: Measure) -> tuple[_Tests, _Tests]:
-        groups = [self.intact(measure, model).values for model in MODELS]
-        return games_howell(groups), tukey_hsd(groups)
+        key = measure, first, second
+        if key not in self._post_hoc:
+            groups = [self.intact(measure, model).values for model in MODELS]
+            pair = _NUMBER[first], _NUMBER[second]
+            self._post_hoc[key] = games_howell(groups, [pair])[pair], tukey_hsd(groups, [pair])[pair]
+        return self._post_hoc[key]
 
     def _sample(self, name: str, measure: Measure, model: str, lesion: str, retrained: bool) -> Sample:
-        values = values_by_seed(self._results, measure.metric.name, measure.task, model, lesion, retrained)
-        return Sample(name, model, measure, values)
+        key = measure.metric.name, measure.task, model, lesion, retrained
+        if key not in self._values:
+            self._values[key] = values_by_seed(self._results, *key)
+        return Sample(name, model, measure, self._values[key])
 
 
 def _words(name: str) -> str:

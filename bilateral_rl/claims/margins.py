@@ -1,7 +1,6 @@
 """What a claim must reach: the paper's numbers, and the margins around its words.
 
-[text]: the paper says it. [ours]: it says only "about", "almost" or "little", and we chose, before the claims were
-computed.
+[text]: the paper says it. [ours]: it says only "about", "almost" or "little", and we chose.
 """
 
 UNI_DL_COMPLETION = 96.7

@@ -44,6 +44,12 @@ def test_analysis_of_variance_by_hand():
     assert test.note == "only 3 seeds"
 
 
+def test_equal_means_do_not_differ():
+    # SciPy's F of these is less than 0, by rounding.
+    test = anova([[0.0, 0.0, 1.562, 22.188], [0.0, 2.188, 4.562, 17.0]])
+    assert (test.statistic, test.p) == (0.0, 1.0)
+
+
 def test_welchs_analysis_of_variance_is_that_of_statsmodels():
     # anova_oneway(use_var="unequal") of statsmodels 0.15.
     test = welch_anova(UNEQUAL)
@@ -66,6 +72,7 @@ def test_post_hoc_tests_are_those_of_scipy():
     for own, equal_var in ((tukey_hsd, True), (games_howell, False)):
         reference = stats.tukey_hsd(*groups, equal_var=equal_var).pvalue
         assert list(own(groups)) == list(combinations(range(4), 2))
+        assert own(groups, [(3, 1)])[3, 1].p == own(groups)[1, 3].p
         for pair, test in own(groups).items():
             assert test.p == pytest.approx(reference[pair], rel=1e-6)
 
