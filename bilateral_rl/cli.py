@@ -141,8 +141,8 @@ def compare(
         list[str] | None,
         typer.Option("--metric", help="Such as effort; may be repeated.", show_default="the task's preferred one"),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    trials: Annotated[int, typer.Option(help="Of each test (of models).")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials (of models).")] = 2_000_000,
     csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
 ) -> None:
     """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""

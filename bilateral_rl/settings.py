@@ -16,6 +16,8 @@ import yaml
 from bilateral_rl.errors import UserError
 
 Values = dict[str, Any]
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""The safe loader, ten times faster where libyaml is there."""
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
@@ -30,7 +32,7 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
 def load_file(path: Path) -> Values:
     """Settings from a YAML or JSON file, read without executing anything in it. Raises UserError."""
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = yaml.load(path.read_text(encoding="utf-8"), Loader=_LOADER)
     except OSError as error:
         raise UserError(f"Cannot read the configuration {path}: {error.strerror}.") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -132,7 +132,7 @@ class LesionStudy:
         if isinstance(config, BPTTConfig):
             own, penalty, coefficient = config.bptt, config.penalty, config.penalty_coefficient
         else:
-            penalty = PROFILES[_profile(config, self.settings.profile)]
+            penalty = PROFILES["paper"]
             own, coefficient = SupervisedConfig(), PENALTIES[penalty]
         if self.settings.retraining_trials is not None:
             own = dataclasses.replace(own, trials=self.settings.retraining_trials)

@@ -85,8 +85,8 @@ def welch_anova(groups: Sequence[ArrayLike]) -> OmnibusTest:
     """
     name, samples, note = "Welch's ANOVA", *_groups(groups)
     if len(samples) < 2 or not all(has_spread(sample) for sample in samples):
-        some = any(has_spread(sample) for sample in samples)
-        note = join_notes(note, "all values of a group are equal: no test" if some else "")
+        mixed = len({has_spread(sample) for sample in samples}) > 1
+        note = join_notes(note, "all values of a group are equal: no test" if mixed else "")
         return OmnibusTest(name, _NAN, (_NAN, _NAN), _NAN, note)
     result = stats.f_oneway(*samples, equal_var=False)
     weights = 1 / np.array([squared_error(sample) for sample in samples])

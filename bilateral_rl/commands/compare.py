@@ -2,28 +2,45 @@
 
 from __future__ import annotations
 
-import math
+import dataclasses
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from bilateral_rl.analysis.comparison import Comparison, ModelComparison, compare, compare_lesions
+from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
-from bilateral_rl.analysis.results import COLUMNS, INTACT
+from bilateral_rl.analysis.results import COLUMNS, INTACT, read_results
+from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
 from bilateral_rl.commands.lesion import RESULTS, default_place
 from bilateral_rl.commands.writing import write
 from bilateral_rl.config import TrainConfig
-from bilateral_rl.controllers import load_policies, parse_run
+from bilateral_rl.controllers import load_policies, parse_run, seeds_of
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.run_folder import RunFolder
 
-FEW_SEEDS = 5
-"""Below, a test has hardly a chance."""
+_NO_TREATMENT = ("seed", "seeds", "device", "threads", "init_from")
+"""Settings in which the seeds of one group may differ."""
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """A run, or one seed of it."""
+
+    folder: RunFolder
+    only: int | None
+    config: TrainConfig
+
+    @property
+    def seeds(self) -> list[int]:
+        return seeds_of(self.config) if self.only is None else [self.only]
+
+    def name(self, path: str) -> str:
+        return path if self.only is None else f"{path}:{self.only}"
 
 
 def compare_runs(
@@ -32,106 +49,106 @@ def compare_runs(
     """Compare several runs' models, or the lesions of one, seeds as the unit."""
     if trials < 1 or seed < 0:
         raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
-    chosen = [parse_run(run) for run in runs]
-    configs = [folder.config() for folder, _ in chosen]
-    tasks = {config.task for config in configs}
+    chosen = [_Chosen(folder, only, folder.config()) for folder, only in map(parse_run, runs)]
+    tasks = {one.config.task for one in chosen}
     if len(tasks) > 1:
         raise UserError(f"Runs of different tasks cannot be compared: {', '.join(sorted(tasks))}.")
-    config = configs[0]
-    names = list(metrics or [preferred_metric(config.task, config.trial.threshold)])
-    wanted = [find_metric(name) for name in names]
+    wanted = _metrics(metrics, chosen[0].config)
     if len(chosen) == 1:
-        comparisons: list[Comparison] = _of_lesions(chosen[0][0], chosen[0][1], wanted)
+        _compare_lesions(chosen[0], wanted, csv, console)
     else:
-        comparisons = _of_models(chosen, configs, wanted, trials, seed)
-    for comparison in comparisons:
-        _print(comparison, console)
-    if csv is not None:
-        write(csv, pd.concat([c.pairs.assign(metric=c.metric) for c in comparisons]).to_csv(index=False))
+        _compare_models(chosen, wanted, trials, seed, csv, console)
 
 
-def _of_models(
-    chosen: Sequence[tuple[RunFolder, int | None]],
-    configs: Sequence[TrainConfig],
-    metrics: Sequence[Metric],
-    trials: int,
-    seed: int,
-) -> list[Comparison]:
-    """Runs of one model and algorithm are seeds of one group, unless they have a seed in common."""
+def _metrics(names: Sequence[str] | None, config: TrainConfig) -> list[Metric]:
+    metrics = [find_metric(name) for name in names or [preferred_metric(config.task, config.trial.threshold)]]
     for metric in metrics:
-        if configs[0].task not in metric.tasks:
-            raise UserError(f"{metric.name} means nothing in {configs[0].task}; choose another --metric.")
-    groups = _labels(chosen, configs)
-    rows = []
-    for (folder, only), config, label in zip(chosen, configs, groups, strict=True):
-        evaluator = Evaluator(config.task, config.trial, trials, seed)
-        for own, policy in load_policies(folder, seed=only).items():
-            values = measure(evaluator.run(policy), metrics)
-            rows += [(label, config.task, config.algo, own, INTACT, False, *pair) for pair in values.items()]
+        if config.task not in metric.tasks:
+            raise UserError(f"{metric.name} means nothing in {config.task}; choose another --metric.")
+    return metrics
+
+
+def _compare_models(
+    chosen: Sequence[_Chosen], metrics: Sequence[Metric], trials: int, seed: int, csv: Path | None, console: Console
+) -> None:
+    labels, rows = _labels(chosen), []
+    for one, label in zip(chosen, labels, strict=True):
+        evaluator = Evaluator(one.config.task, one.config.trial, trials, seed)
+        head = (label, one.config.task, one.config.algo)
+        for own, policy in load_policies(one.folder, seed=one.only).items():
+            rows += [(*head, own, INTACT, False, *pair) for pair in measure(evaluator.run(policy), metrics).items()]
     results = pd.DataFrame(rows, columns=list(COLUMNS))
-    return [compare(results, metric.name, configs[0].task) for metric in metrics]
+    tables = []
+    for metric in metrics:
+        comparison = compare(results, metric.name, chosen[0].config.task)
+        print_comparison(comparison, "", console)
+        tables.append(comparison.pairs.assign(metric=metric.name))
+    print_methods(comparison, console)
+    if len({dataclasses.replace(one.config.trial, threshold=1.0) for one in chosen}) > 1:
+        note = "these runs' trials differ (trial in config.yaml), and each was tested in its own."
+        console.print(f"[yellow]Note:[/yellow] {note}", highlight=False)
+    _write(tables, csv)
 
 
-def _labels(chosen: Sequence[tuple[RunFolder, int | None]], configs: Sequence[TrainConfig]) -> list[str]:
-    several = len({config.algo for config in configs}) > 1
-    labels = [f"{config.model} ({config.algo})" if several else config.model for config in configs]
-    seeds: dict[str, list[int]] = {}
-    for (folder, only), label in zip(chosen, labels, strict=True):
-        seeds.setdefault(label, []).extend(load_policies(folder, seed=only))
-    twice = {label for label, of_label in seeds.items() if len(set(of_label)) < len(of_label)}
-    own = [folder.path.name if only is None else f"{folder.path.name}:{only}" for folder, only in chosen]
-    labels = [name if label in twice else label for label, name in zip(labels, own, strict=True)]
+def _labels(chosen: Sequence[_Chosen]) -> list[str]:
+    """The group of each: runs of one model are seeds of one group, unless they share a seed or differ in more."""
+    _check_each_seed_is_there_once(chosen)
+    several = len({one.config.algo for one in chosen}) > 1
+    models = [f"{one.config.model} ({one.config.algo})" if several else one.config.model for one in chosen]
+    labels = list(models)
+    for model in set(models):
+        members = [i for i, of_model in enumerate(models) if of_model == model]
+        if not _are_one_group([chosen[i] for i in members]):
+            for i in members:
+                labels[i] = chosen[i].name(chosen[i].folder.path.name)
+    taken = Counter(labels)
+    labels = [
+        one.name(str(one.folder.path)) if taken[label] > 1 and label not in models else label
+        for one, label in zip(chosen, labels, strict=True)
+    ]
     if len(set(labels)) < 2:
         raise UserError("These runs are seeds of one model: a comparison needs two models, or one run's lesions.")
     return labels
 
 
-def _of_lesions(folder: RunFolder, only: int | None, metrics: Sequence[Metric]) -> list[Comparison]:
-    path, config = default_place(folder, only) / RESULTS, folder.config()
+def _are_one_group(members: Sequence[_Chosen]) -> bool:
+    seeds = [seed for one in members for seed in one.seeds]
+    treatments = [
+        {name: value for name, value in one.config.to_values().items() if name not in _NO_TREATMENT}
+        | {"fresh": one.config.init_from is None}
+        for one in members
+    ]
+    return len(set(seeds)) == len(seeds) and all(treatment == treatments[0] for treatment in treatments)
+
+
+def _check_each_seed_is_there_once(chosen: Sequence[_Chosen]) -> None:
+    """Raise a UserError where a network would be compared with itself."""
+    counts = Counter((one.folder.path.resolve(), seed) for one in chosen for seed in one.seeds)
+    for (path, seed), n in counts.items():
+        if n > 1:
+            raise UserError(f"Seed {seed} of {path} is there {n} times; name every run, or seed of it, once.")
+
+
+def _compare_lesions(one: _Chosen, metrics: Sequence[Metric], csv: Path | None, console: Console) -> None:
+    path = default_place(one.folder, one.only) / RESULTS
     if not path.is_file():
-        raise UserError(f"One run is compared by its lesions: call `bilateral-rl lesion {folder.path}` first.")
-    results = pd.read_csv(path)
-    states = [bool(retrained) for retrained in sorted(set(results["retrained"]))]
-    return [compare_lesions(results, m.name, config.task, config.model, state) for m in metrics for state in states]
+        command = f"bilateral-rl lesion {one.name(str(one.folder.path))}"
+        raise UserError(f"One run is compared by its lesions: call `{command}` first.")
+    results = read_results(path)
+    there = list(dict.fromkeys(results["metric"]))
+    tables = []
+    for metric in metrics:
+        if metric.name not in there:
+            raise UserError(f"{path} has no {metric.name}; choose a --metric from {', '.join(there)}.")
+        for retrained, words in ((False, "without retraining"), (True, "retrained")):
+            if (results["retrained"] == retrained).any():
+                comparison = compare_lesions(results, metric.name, one.config.task, one.config.model, retrained)
+                print_comparison(comparison, f"{one.config.model}, {words}", console)
+                tables.append(comparison.pairs.assign(metric=metric.name, retrained=retrained))
+    print_methods(comparison, console)
+    _write(tables, csv)
 
 
-def _print(comparison: Comparison, console: Console) -> None:
-    metric = find_metric(comparison.metric)
-    title = escape(f"{comparison.task}: {metric.label}" + (f" ({metric.unit})" if metric.unit else ""))
-    groups = Table("", "mean", "sd", "95 % interval", "seeds", title=title, title_justify="left")
-    for name, row in comparison.groups.iterrows():
-        interval = f"{_number(row['low'])} to {_number(row['high'])}"
-        groups.add_row(escape(str(name)), _number(row["mean"]), _number(row["sd"]), interval, str(int(row["n"])))
-    console.print(groups)
-    if isinstance(comparison, ModelComparison):
-        for test in (comparison.anova, comparison.welch):
-            df = ", ".join(f"{value:.4g}" for value in test.df)
-            console.print(f"{test.name}: F({df}) = {test.statistic:.2f}, {_p(test.p)} {test.note}", highlight=False)
-    columns = {"p_tukey": "Tukey's HSD", "p_games_howell": "Games–Howell", "p_paired": "paired t", "p_holm": "Holm"}
-    shown = [name for name in columns if name in comparison.pairs]
-    pairs = Table("first − second", "difference", "95 % interval", "Hedges' g", *(columns[name] for name in shown))
-    for pair in comparison.pairs.to_dict("records"):
-        pairs.add_row(
-            escape(f"{pair['first']} − {pair['second']}"),
-            f"{pair['difference']:+.3g}",
-            f"{_number(pair['low'])} to {_number(pair['high'])}",
-            f"{pair['g']:+.2f}",
-            *(_p(pair[name]) for name in shown),
-        )
-    console.print(pairs)
-    fewest = int(comparison.groups["n"].min())
-    if fewest < FEW_SEEDS:
-        words = "no test is possible" if fewest < 2 else "tests have hardly a chance to find a difference"
-        console.print(
-            f"[yellow]Note:[/yellow] a group has {fewest} seed{'s' * (fewest > 1)}: {words}.", highlight=False
-        )
-
-
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.4g}"
-
-
-def _p(p: float) -> str:
-    if math.isnan(p):
-        return "–"
-    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
+def _write(tables: Sequence[pd.DataFrame], csv: Path | None) -> None:
+    if csv is not None:
+        write(csv, pd.concat(tables).to_csv(index=False))

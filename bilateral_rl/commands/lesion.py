@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import shlex
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pandas as pd
 from rich.console import Console
 from rich.markup import escape
@@ -20,11 +23,13 @@ from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.controllers import parse_run
 from bilateral_rl.errors import UserError
+from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
 from bilateral_rl.run_folder import RunFolder, replacing
 
 RESULTS = "lesions.csv"
+_CONDITIONS = {False: "without retraining", True: "retrained"}
 _SHOWN = ("final_error",)
 """Metrics on the screen, beside the task's preferred one."""
 
@@ -49,8 +54,13 @@ def lesion(
     place = out or default_place(folder, only)
     _check_place(place, folder)
     results = _with_progress(study, console)
-    console.print(_table(results, study, f"{run} ({weights}), {trials} trials of seed {seed}"))
-    _write(results, study.config, place)
+    title = escape(f"{run} ({weights}), {trials} trials of seed {seed}")
+    console.print(f"[italic]{title}", soft_wrap=True, highlight=False)
+    console.print(_table(results, study))
+    if index := _specialization(results, study):
+        console.print(index, highlight=False)
+    asked = {"run": str(folder.path), "weights": weights, **dataclasses.asdict(settings)}
+    _write(results, study.config, place, asked)
     shown = escape(shlex.quote(str(place)))
     console.print(
         f"Saved in [bold]{shown}[/bold]: {RESULTS}, figures and tensorboard.", soft_wrap=True, highlight=False
@@ -64,14 +74,21 @@ def default_place(folder: RunFolder, only: int | None) -> Path:
     return path.with_name(f"{path.name}{seed}-lesions")
 
 
+def in_words(lesion: str) -> str:
+    """A lesion's name as people read it."""
+    return lesion.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")
+
+
 def _check_place(place: Path, folder: RunFolder) -> None:
-    """Raise a UserError where other files could be harmed."""
+    """Raise a UserError where other files could be harmed or none be written."""
     if place.resolve().is_relative_to(folder.path.resolve()):
         raise UserError(f"{place} lies in the run, which stays as it is; choose another --out.")
     try:
         place.mkdir(parents=True, exist_ok=True)
         if any(place.iterdir()) and not (place / RESULTS).is_file():
             raise UserError(f"{place} holds other things than an earlier {RESULTS}; choose another --out.")
+        with tempfile.TemporaryFile(dir=place):
+            pass
     except OSError as error:
         raise UserError(f"Cannot write {place}: {error.strerror}. Choose another --out.") from None
 
@@ -81,7 +98,7 @@ def _with_progress(study: LesionStudy, console: Console) -> pd.DataFrame:
         task = progress.add_task("lesioning", total=len(study.names))
 
         def on_state(done: int, total: int, name: str) -> None:
-            progress.update(task, completed=done, description=name.replace("_", " ") or "done")
+            progress.update(task, completed=done, description=in_words(name) or "done")
 
         return study.run(on_state)
 
@@ -90,58 +107,63 @@ def _metrics(config: TrainConfig) -> list[Metric]:
     return [find_metric(name) for name in (preferred_metric(config.task, config.trial.threshold), *_SHOWN)]
 
 
-def _table(results: pd.DataFrame, study: LesionStudy, title: str) -> Table:
-    """Mean ± standard deviation over the seeds, a row a state."""
-    metrics = _metrics(study.config)
-    table = Table("lesion", title=escape(title), title_justify="left")
-    for metric in metrics:
-        table.add_column(f"{metric.label} ({metric.unit})", justify="right")
-        if study.settings.retrain:
-            table.add_column("retrained", justify="right")
-    for name in study.names:
-        table.add_row(name.replace("_", " "), *_cells(results, study, metrics, name))
-    table.caption = _caption(results, study, metrics[0])
+def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
+    """Mean ± standard deviation over the seeds, a row a state, below each metric."""
+    table = Table("lesion")
+    for retrained in _conditions(study):
+        table.add_column(_CONDITIONS[retrained], justify="right")
+    for metric in _metrics(study.config):
+        table.add_section()
+        table.add_row(f"[bold]{with_unit(metric)}")
+        for name in study.names:
+            values = [_values(results, study, metric, name, retrained) for retrained in _conditions(study)]
+            table.add_row(in_words(name), *(_spread(one, ".1f") for one in values))
+    if (seeds := results["seed"].nunique()) > 1:
+        table.caption = f"mean ± standard deviation over {seeds} seeds"
     return table
 
 
-def _cells(results: pd.DataFrame, study: LesionStudy, metrics: Sequence[Metric], lesion: str) -> list[str]:
-    task, model = study.config.task, study.config.model
-    states = (False, True) if study.settings.retrain else (False,)
-    return [_spread(by_seed(results, metric.name, task, model, lesion, r)) for metric in metrics for r in states]
+def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
+    """The specialization index in words; empty unless both sides were lesioned."""
+    if not {"deep_dominant", "deep_non_dominant"} <= set(study.names):
+        return ""
+    metric, parts = _metrics(study.config)[0], []
+    for retrained in _conditions(study):
+        dominant = _values(results, study, metric, "deep_non_dominant", retrained)
+        non_dominant = _values(results, study, metric, "deep_dominant", retrained)
+        index = pd.Series(specialization_index(dominant, non_dominant))
+        parts.append(f"{_spread(index, '+.3f')} {_CONDITIONS[retrained]}")
+    return f"Specialization index: {', '.join(parts)} (above 0: the dominant side does more alone)."
 
 
-def _spread(values: pd.Series) -> str:
-    mean = f"{values.mean():.1f}"
-    return mean if len(values) == 1 else f"{mean} ± {values.std(ddof=1):.1f}"
+def _conditions(study: LesionStudy) -> tuple[bool, ...]:
+    return (False, True) if study.settings.retrain else (False,)
 
 
-def _caption(results: pd.DataFrame, study: LesionStudy, metric: Metric) -> str:
-    """The specialization index, where both sides were lesioned."""
-    task, model = study.config.task, study.config.model
-    parts = []
-    for retrained, words in ((False, "without"), (True, "with")):
-        alone = [
-            by_seed(results, metric.name, task, model, lesion, retrained)
-            for lesion in ("deep_non_dominant", "deep_dominant")
-        ]
-        if min(len(values) for values in alone):
-            index = specialization_index(*(values.to_numpy() for values in alone))
-            parts.append(f"{np.nanmean(index):+.3f} {words} retraining")
-    seeds = f"mean ± standard deviation over {results['seed'].nunique()} seeds" if results["seed"].nunique() > 1 else ""
-    index_text = (
-        f"specialization index {', '.join(parts)} (above 0: the dominant side does more alone)" if parts else ""
-    )
-    return "; ".join(text for text in (index_text, seeds) if text)
+def _values(results: pd.DataFrame, study: LesionStudy, metric: Metric, lesion: str, retrained: bool) -> pd.Series:
+    return by_seed(results, metric.name, study.config.task, study.config.model, lesion, retrained)
 
 
-def _write(results: pd.DataFrame, config: TrainConfig, place: Path) -> None:
-    metrics = _metrics(config)
+def _spread(values: pd.Series, form: str) -> str:
+    numbers = values.dropna()
+    if numbers.empty:
+        return "–"
+    mean = format(numbers.mean(), form)
+    spread = f" ± {numbers.std(ddof=1):{form.removeprefix('+')}}" if len(numbers) > 1 else ""
+    fewer = f" ({len(numbers)} of {len(values)} seeds)" if len(numbers) < len(values) else ""
+    return f"{mean}{spread}{fewer}"
+
+
+def _write(results: pd.DataFrame, config: TrainConfig, place: Path, asked: Mapping[str, Any]) -> None:
+    for pattern in ("events.out.tfevents.*", "lesions_*.png", "lesions_*.pdf"):
+        for old in place.glob(pattern):
+            old.unlink()
     with replacing(place / RESULTS) as temporary:
         results.to_csv(temporary, index=False)
-    for metric in metrics:
+    with replacing(place / "settings.json") as temporary:
+        temporary.write_text(json.dumps(asked, indent=2) + "\n", encoding="utf-8")
+    for metric in _metrics(config):
         save(lesion_effects(results, config.task, metric, [config.model]), place / f"lesions_{metric.name}")
-    for old in place.glob("events.out.tfevents.*"):
-        old.unlink()
     with SummaryWriter(str(place)) as board:
         means = results.groupby(["metric", "lesion", "retrained"], sort=False)["value"].mean().reset_index()
         for row in means.to_dict("records"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 import time
@@ -16,12 +15,11 @@ from rich.table import Table
 from bilateral_rl import settings
 from bilateral_rl.claims import Claim
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
-from bilateral_rl.errors import UserError
 from bilateral_rl.study.board import ConsoleBoard
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState
 from bilateral_rl.study.local import run_local
-from bilateral_rl.study.plan import QUICK_SEEDS, Study, threads_for
+from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
 from bilateral_rl.study.report import counts_of
 from bilateral_rl.study.reproduction import REPORT, conclude
 
@@ -43,11 +41,8 @@ def reproduce(
     """Train, lesion and test every model on every task, and report what that says of the paper's claims."""
     given = seeds if seeds is not None else (QUICK_SEEDS if quick else PAPER_SEEDS)
     study = Study(algo, profile, given, quick, settings.parse_overrides(overrides))
-    n_cpus = len(os.sched_getaffinity(0))
-    at_once = n_cpus if n_jobs is None else n_jobs
-    if at_once < 1:
-        raise UserError(f"--jobs must be at least 1, got {at_once}.")
-    jobs = study.jobs(threads_for(at_once, n_cpus))
+    at_once, threads = side_by_side(n_jobs, len(study.configs()))
+    jobs = study.jobs(threads)
     folder = out or Path("runs") / study.name
     claim_folder(folder, study.to_values())
     place = escape(shlex.quote(str(folder)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,8 +18,8 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.run_folder import replacing
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import JobState
-from bilateral_rl.study.plan import threads_for
-from bilateral_rl.study.sweep import Sweep, parse_grid, read_sweep
+from bilateral_rl.study.plan import side_by_side
+from bilateral_rl.study.sweep import Sweep, measured_metrics, parse_grid, point_name, read_sweep
 
 
 def sweep(
@@ -39,11 +38,9 @@ def sweep(
         raise UserError(f"--trials must be at least 1, got {trials}.")
     wanted = [find_metric(name) for name in metrics or []]
     study = Sweep(algo, parse_grid(grid), settings.parse_overrides(overrides), trials)
-    n_cpus = len(os.sched_getaffinity(0))
-    at_once = n_cpus if n_jobs is None else n_jobs
-    if at_once < 1:
-        raise UserError(f"--jobs must be at least 1, got {at_once}.")
-    jobs = study.jobs(threads_for(at_once, n_cpus))
+    at_once, threads = side_by_side(n_jobs, len(study.points()))
+    jobs = study.jobs(threads)
+    _check_measured(study, wanted)
     folder = out or Path("runs") / "sweep"
     claim_folder(folder, study.to_values())
     outcomes = run_jobs(jobs, folder, at_once, ray, "sweep", console)
@@ -61,6 +58,13 @@ def sweep(
     console.print(f"Every metric of every seed: [bold]{shown}[/bold]", soft_wrap=True, highlight=False)
 
 
+def _check_measured(study: Sweep, metrics: Sequence[Metric]) -> None:
+    there = {metric.name: None for point in study.points() for metric in measured_metrics(study.config(point))}
+    for metric in metrics:
+        if metric.name not in there:
+            raise UserError(f"No training of the sweep is measured by {metric.name}; choose from {', '.join(there)}.")
+
+
 def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Table:
     """Mean ± standard deviation over the seeds, a row a point."""
     shown = list(metrics) or _preferred(study)
@@ -69,9 +73,7 @@ def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Ta
         table.add_column(f"{metric.label} ({metric.unit})" if metric.unit else metric.label, justify="right")
     table.add_column("seeds", justify="right")
     for point in study.points():
-        rows = results
-        for name, value in point.items():
-            rows = rows[rows[name] == value]
+        rows = results[results["point"] == point_name(point)]
         if len(rows):
             cells = [_spread(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
             table.add_row(*map(escape, point.values()), *cells, str(rows["seed"].nunique()))

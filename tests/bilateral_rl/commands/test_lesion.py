@@ -1,0 +1,315 @@
+"""`bilateral-rl lesion`: what is printed, written and refused, and that the run stays as it is."""
+
+import io
+import json
+import re
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib import image
+from rich.console import Console
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
+from bilateral_rl.analysis.metrics import specialization_index
+from bilateral_rl.analysis.results import COLUMNS, by_seed, read_results
+from bilateral_rl.commands import lesion as command
+from bilateral_rl.policies.lesions import LESIONS
+from bilateral_rl.run_folder import RunFolder
+
+RUN = "runs/random_reach/cc_s-bptt-1"
+PLACE = f"{RUN}-lesions"
+METRICS = ["goal_completion_5cm", "final_error"]
+SHALLOW_AND_DEEP = [name for name in LESIONS if "callosum" not in name]
+
+
+def files(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def of_model(results, metric, lesion, retrained):
+    return by_seed(results, metric, "random_reach", "cc_s", lesion, retrained)
+
+
+def scalars(place):
+    """By tag, the values at each step, of all the events in a folder."""
+    events = EventAccumulator(str(place))
+    events.Reload()
+    return {tag: {event.step: event.value for event in events.Scalars(tag)} for tag in events.Tags()["scalars"]}
+
+
+def rows_of_table(out):
+    """The printed rows: head, then for each metric its name and the states."""
+    return [[cell.strip() for cell in line[1:-1].split("│")] for line in out.splitlines() if line.startswith("│")]
+
+
+@pytest.fixture(scope="module")
+def lesioned(_trained_bptt, tmp_path_factory):
+    """What the bare command, but with few trials, did to a run of three seeds."""
+    run = RunFolder(tmp_path_factory.mktemp("lesioned") / RUN)
+    shutil.copytree(_trained_bptt.path, run.path)
+    before, console = files(run.path), Console(file=io.StringIO(), width=80)
+    command.lesion(str(run.path), None, True, None, 8, 7, "final", None, console)
+    place = run.path.with_name("cc_s-bptt-1-lesions")
+    return SimpleNamespace(run=run, before=before, out=console.file.getvalue(), place=place)
+
+
+@pytest.fixture(scope="module")
+def results(lesioned):
+    return read_results(lesioned.place / "lesions.csv")
+
+
+# What it leaves
+
+
+def test_the_run_is_byte_identical_afterwards(lesioned):
+    assert files(lesioned.run.path) == lesioned.before
+    assert len(lesioned.before) > 5
+
+
+def test_beside_the_run_lie_the_table_the_figures_and_the_events(lesioned):
+    names = sorted(re.sub(r"(tfevents).*", r"\1", path.name) for path in lesioned.place.iterdir())
+    figures = [f"lesions_{metric}.{kind}" for metric in METRICS for kind in ("pdf", "png")]
+    assert names == sorted(["events.out.tfevents", "lesions.csv", "settings.json", *figures])
+    asked = json.loads((lesioned.place / "settings.json").read_text())
+    assert asked["weights"] == "final"
+    assert asked["lesions"] is None
+    assert sorted(path.name for path in lesioned.run.path.parent.iterdir()) == ["cc_s-bptt-1", "cc_s-bptt-1-lesions"]
+
+
+def test_the_file_holds_the_rows_of_the_study(lesioned, results):
+    expected = LesionStudy(lesioned.run, LesionSettings(("callosum",), trials=8, seed=7)).run()
+    rows = results[results["lesion"].isin(["intact", "callosum"])].reset_index(drop=True)
+    pd.testing.assert_frame_equal(rows, expected, check_exact=True)
+    assert tuple(results.columns) == COLUMNS
+    assert list(dict.fromkeys(results["lesion"])) == ["intact", *LESIONS]
+
+
+def test_tensorboard_holds_the_means_over_the_seeds_by_epochs_of_retraining(lesioned, results):
+    found = scalars(lesioned.place)
+    assert len(found) == 8 * results["metric"].nunique()
+    for metric in (*METRICS, "effort"):
+        for name in ("intact", *LESIONS):
+            means = [of_model(results, metric, name, retrained).mean() for retrained in (False, True)]
+            values = found[f"lesions_{metric}/{name}"]
+            assert list(values) == [0, 1]
+            assert list(values.values()) == pytest.approx(means, rel=1e-6)
+
+
+def test_the_figures_are_pictures(lesioned):
+    pictures = [image.imread(lesioned.place / f"lesions_{metric}.png") for metric in METRICS]
+    for picture, metric in zip(pictures, METRICS, strict=True):
+        assert min(picture.shape[:2]) > 300
+        assert picture[..., :3].std() > 0.05
+        assert (lesioned.place / f"lesions_{metric}.pdf").read_bytes().startswith(b"%PDF")
+    assert not np.array_equal(*pictures)
+
+
+# What it prints
+
+
+def test_the_table_shows_mean_and_standard_deviation_of_every_state(lesioned, results):
+    printed = rows_of_table(lesioned.out)
+    assert len(printed) == 2 * 9
+    labels = ["Goal completion within 5 cm (%)", "Final error (cm)"]
+    for metric, label, (head, *states) in zip(METRICS, labels, (printed[:9], printed[9:]), strict=True):
+        assert head == [label, "", ""]
+        assert [state[0] for state in states] == [
+            *("intact", "shallow dominant", "shallow non-dominant", "deep dominant", "deep non-dominant"),
+            *("callosum", "callosum, deep dominant", "callosum, deep non-dominant"),
+        ]
+        for name, state in zip(("intact", *LESIONS), states, strict=True):
+            for cell, retrained in zip(state[1:], (False, True), strict=True):
+                values = of_model(results, metric, name, retrained)
+                assert [float(part) for part in cell.split(" ± ")] == pytest.approx(
+                    [values.mean(), values.std(ddof=1)], abs=0.051
+                )
+    assert re.search(r"lesion +┃ +without retraining +┃ +retrained", lesioned.out)
+    assert "mean ± standard deviation over 3 seeds" in lesioned.out
+
+
+def test_the_specialization_index_compares_the_sides_alone_seed_by_seed(lesioned, results):
+    text = " ".join(lesioned.out.split())
+    found = re.search(r"Specialization index: (.*) without retraining, (.*) retrained \(above 0: the dominant", text)
+    assert found
+    for printed, retrained in zip(found.groups(), (False, True), strict=True):
+        alone = [
+            of_model(results, "goal_completion_5cm", f"deep_{side}", retrained) for side in ("non_dominant", "dominant")
+        ]
+        index = pd.Series(specialization_index(*alone)).dropna()
+        if index.empty:
+            assert printed == "–"
+        else:
+            assert float(printed.split()[0]) == pytest.approx(index.mean(), abs=0.00051)
+
+
+def test_the_sign_of_the_specialization_index(trained, call, undrawn, monkeypatch):
+    """The dominant side works alone where the non-dominant one is lesioned."""
+
+    def made_up(self, on_state):
+        values = {"intact": 90.0, "deep_non_dominant": 60.0, "deep_dominant": 20.0}
+        return pd.DataFrame(
+            [("cc_s", "random_reach", "bptt", 0, *state, metric, value)
+             for lesion, value in values.items() for state in [(lesion, False)] for metric in METRICS],
+            columns=list(COLUMNS),
+        )  # fmt: skip
+
+    monkeypatch.setattr(LesionStudy, "run", made_up)
+    _, out, _ = call("lesion", RUN, "--no-retrain", "--lesion", "deep_dominant", "--lesion", "deep_non_dominant")
+    assert "Specialization index: +0.500 without retraining (above 0" in " ".join(out.split())
+
+
+def test_nothing_is_wrapped_or_cut_at_80_columns(lesioned):
+    table = [line for line in lesioned.out.splitlines() if line.startswith(("┃", "│", "┏"))]
+    assert all(len(line) <= 80 for line in table)
+    assert all(row[0] for row in rows_of_table(lesioned.out))
+    assert "…" not in lesioned.out
+
+
+def test_it_says_what_was_tested_and_where_the_results_are(lesioned):
+    assert f"{lesioned.run.path} (final), 8 trials of seed 7" in lesioned.out
+    assert f"Saved in {lesioned.place}: lesions.csv, figures and tensorboard." in lesioned.out
+
+
+# Options
+
+
+def test_flags_reach_the_study(call, trained, undrawn, tmp_path):
+    flags = ["--lesion", "callosum_deep_dominant", "--lesion", "deep_dominant", "--profile", "released"]
+    more = ["--trials", 4, "--seed", 3, "--weights", "best", "--out", "elsewhere/x"]
+    code, out, err = call("lesion", f"{RUN}:1", *flags, *more)
+    assert (code, err) == (0, "")
+    settings = LesionSettings(("callosum_deep_dominant", "deep_dominant"), True, "released", 4, 3)
+    expected = LesionStudy(trained, settings, 1, "best").run()
+    pd.testing.assert_frame_equal(read_results(tmp_path / "elsewhere/x/lesions.csv"), expected, check_exact=True)
+    assert "(best), 4 trials of seed 3" in out
+    assert "Specialization" not in out
+    assert "seeds" not in out
+    assert not (tmp_path / PLACE).exists()
+
+
+def test_without_retraining_nothing_is_said_of_it(call, trained, undrawn, tmp_path):
+    code, out, err = call("lesion", RUN, "--no-retrain", "--trials", 4)
+    assert (code, err) == (0, "")
+    assert {len(row) for row in rows_of_table(out)} == {2}
+    assert "retrained" not in out
+    results = read_results(tmp_path / PLACE / "lesions.csv")
+    assert not results["retrained"].any()
+    assert all(list(values) == [0] for values in scalars(tmp_path / PLACE).values())
+
+
+def test_a_second_call_replaces_what_the_first_one_left(call, trained, undrawn, tmp_path):
+    assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
+    (tmp_path / PLACE / "lesions_of_before.png").touch()
+    assert call("lesion", RUN, "--no-retrain", "--trials", 4, "--lesion", "callosum")[0] == 0
+    left = sorted(path.name for path in (tmp_path / PLACE).iterdir())
+    assert len(left) == 3
+    assert json.loads((tmp_path / PLACE / "settings.json").read_text())["lesions"] == ["callosum"]
+    assert left[0].startswith("events.out.tfevents.")
+    assert set(read_results(tmp_path / PLACE / "lesions.csv")["lesion"]) == {"intact", "callosum"}
+    assert {tag.split("/")[1] for tag in scalars(tmp_path / PLACE)} == {"intact", "callosum"}
+
+
+def test_the_seeds_of_a_run_have_places_of_their_own(call, trained, undrawn, tmp_path):
+    for run in (RUN, f"{RUN}:0", f"{RUN}:2"):
+        assert call("lesion", run, "--no-retrain", "--trials", 2, "--lesion", "callosum")[0] == 0
+    for place, seeds in ((PLACE, {0, 1, 2}), (f"{RUN}-seed-0-lesions", {0}), (f"{RUN}-seed-2-lesions", {2})):
+        assert set(read_results(tmp_path / place / "lesions.csv")["seed"]) == seeds
+
+
+def test_a_run_is_found_from_inside_it(call, trained, undrawn, tmp_path, monkeypatch):
+    monkeypatch.chdir(trained.path)
+    assert call("lesion", ".", "--no-retrain", "--trials", 2, "--lesion", "callosum")[0] == 0
+    assert (tmp_path / PLACE / "lesions.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("model", "task", "states"),
+    [
+        ("uni_ndl", "hold_position", ["intact"]),
+        ("bi_ns", "hold_position", ["intact", *SHALLOW_AND_DEEP]),
+    ],
+)
+def test_other_models_have_the_states_that_they_can_have(call, make_run, undrawn, model, task, states):
+    run = make_run(model, task=task, seeds=2)
+    code, out, err = call("lesion", run.path, "--trials", 2)
+    assert (code, err) == (0, "")
+    results = read_results(run.path.with_name(f"{model}-bptt-1-lesions") / "lesions.csv")
+    assert list(dict.fromkeys(results["lesion"])) == states
+    assert "Time within 5 cm (steps)" in out
+    assert ("Specialization" in out) == (len(states) > 1)
+
+
+def test_a_run_of_reinforcement_learning_can_be_lesioned(call, make_run, undrawn):
+    run = make_run("bi_s", "ppo", seed=5)
+    code, _, err = call("lesion", run.path, "--trials", 2, "--lesion", "deep_dominant")
+    assert (code, err) == (0, "")
+    results = read_results(run.path.with_name("bi_s-ppo-1-lesions") / "lesions.csv")
+    assert (set(results["algo"]), set(results["seed"]), set(results["retrained"])) == ({"ppo"}, {5}, {False, True})
+
+
+def test_values_that_are_no_numbers_are_said(call, make_run, tmp_path):
+    run = make_run(seeds=2, bptt={"learning_rate": 1e39})
+    code, out, err = call("lesion", run.path, "--trials", 2, "--lesion", "callosum")
+    assert (code, err) == (0, "")
+    for row in rows_of_table(out):
+        assert row[2] == ("" if row[1] == "" else "–")
+    assert (run.path.with_name("cc_s-bptt-1-lesions") / "lesions_final_error.png").is_file()
+
+
+# What is refused
+
+
+def unchanged(call, tmp_path, *arguments):
+    """The error of a call that must change nothing."""
+    before = files(tmp_path)
+    code, out, err = call("lesion", *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("Error: ")
+    assert len(err.strip().splitlines()) == 1
+    assert files(tmp_path) == before
+    return err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["runs/none"], "no run runs/none"),
+        ([f"{RUN}:3"], "has no seed 3; it has seeds 0 to 2"),
+        ([RUN, "--lesion", "lobotomy"], "callosum_deep_non_dominant"),
+        ([RUN, "--profile", "code"], "paper, released"),
+        ([RUN, "--weights", "step_1"], "best, final"),
+        ([RUN, "--trials", "0"], "--trials must be at least 1"),
+        ([RUN, "--seed", "-1"], "--seed at least 0"),
+        ([RUN, "--out", RUN], "lies in the run"),
+        ([RUN, "--out", f"{RUN}/lesions"], "lies in the run"),
+        ([RUN, "--out", "runs"], "holds other things"),
+        ([RUN, "--out", f"{RUN}/config.yaml"], "lies in the run"),
+        ([RUN, "--out", "a_file"], "a_file: File exists. Choose another --out"),
+        ([RUN, "--out", "/proc/nothing"], "Choose another --out"),
+    ],
+)
+def test_a_mistake_is_one_clear_sentence_and_changes_nothing(call, trained, tmp_path, arguments, says):
+    (tmp_path / "a_file").touch()
+    assert says in unchanged(call, tmp_path, *arguments)
+    assert not (tmp_path / PLACE).exists()
+
+
+def test_a_link_into_the_run_is_seen_through(call, trained, tmp_path):
+    (tmp_path / "link").symlink_to(trained.path / "weights")
+    assert "lies in the run" in unchanged(call, tmp_path, RUN, "--out", "link")
+
+
+def test_a_lesion_that_the_model_cannot_have_is_refused(call, make_run, tmp_path):
+    run = make_run("bi_s")
+    err = unchanged(call, tmp_path, run.path, "--lesion", "callosum")
+    assert all(name in err for name in SHALLOW_AND_DEEP)
+
+
+def test_a_run_with_noise_can_only_be_tested(call, make_run, undrawn, tmp_path):
+    run = make_run("bi_s", "ppo", trial={"motor_noise": 1})
+    assert "--no-retrain" in unchanged(call, tmp_path, run.path)
+    assert call("lesion", run.path, "--no-retrain", "--trials", 2)[0] == 0
