@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from bilateral_rl.analysis.comparison import compare
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric, threshold_name
 from bilateral_rl.catalogue import MODELS
-from bilateral_rl.controllers import load_policies
+from bilateral_rl.controllers import load_policy
 from bilateral_rl.evaluation import Evaluator, TrialRecord
 from bilateral_rl.figures.curves import COMPLETION, FINAL_ERROR, TIME_IN_GOAL, VALIDATION_LOSS, learning_curves
 from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
@@ -135,8 +135,9 @@ class _Shown:
     """The trials of the first seed of a run, and what its hemispheres contribute if it has any."""
 
     def __init__(self, task: str, run: RunFolder) -> None:
-        policy = next(iter(load_policies(run).values()))
-        self.record: TrialRecord = Evaluator(task, run.config().trial, TRIALS, TRIALS_SEED).run(policy)
+        config = run.config()
+        policy = load_policy(run, seed=config.seed)
+        self.record: TrialRecord = Evaluator(task, config.trial, TRIALS, TRIALS_SEED).run(policy)
         network = policy.actor
         self.contributions: Contributions | None = None
         if isinstance(network, BilateralNetwork):

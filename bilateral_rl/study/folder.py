@@ -9,7 +9,7 @@ import yaml
 from bilateral_rl import settings
 from bilateral_rl.errors import UserError
 from bilateral_rl.run_folder import replacing
-from bilateral_rl.settings import Values, merge
+from bilateral_rl.settings import Values
 from bilateral_rl.study.jobs import make_study_folder
 
 STUDY_FILE = "study.yaml"
@@ -26,15 +26,18 @@ def claim_folder(folder: Path, study: Values) -> None:
     if path.is_file():
         _check_same(path, settings.load_file(path), study)
         return
-    if any(folder.iterdir()):
-        raise UserError(f"{folder} is not empty and holds no study; choose another --out.")
-    with replacing(path) as temporary:
-        temporary.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    try:
+        if any(folder.iterdir()):
+            raise UserError(f"{folder} is not empty and holds no study; choose another --out.")
+        with replacing(path) as temporary:
+            temporary.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"Cannot write the study {folder}: {error.strerror}. Choose another --out.") from None
 
 
 def _check_same(path: Path, there: Values, wanted: Values) -> None:
-    for name, value in merge(there, wanted).items():
-        if there.get(name) != value:
+    for name in there | wanted:
+        if there.get(name) != wanted.get(name):
             raise UserError(
                 f"{path.parent} holds a study with {name} = {there.get(name)!r}, not {wanted.get(name)!r}: "
                 "go on with it as it was begun, or choose another --out."

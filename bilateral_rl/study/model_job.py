@@ -9,7 +9,7 @@ from typing import Any
 
 from bilateral_rl import training
 from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
-from bilateral_rl.config import TrainConfig
+from bilateral_rl.config import BPTTConfig, TrainConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.progress import FAILED, FINISHED, Outcome, Progress
 from bilateral_rl.reports import total_of
@@ -59,7 +59,8 @@ def train_and_measure(
 def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
     """The run of ``config`` below ``runs``, if there is one, whatever machine it was made for."""
     for run in find_runs(runs):
-        if run.path.parent.name == config.task and _same(run, config):
+        of_kind = run.path.parent.name == config.task and run.path.name.startswith(f"{config.model}-{config.algo}-")
+        if of_kind and _same(run, config):
             return run
     return None
 
@@ -73,11 +74,17 @@ def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunF
     if run and state == FAILED:
         raise UserError(f"The training {run.path} failed before; remove that folder to try again.")
     watch = _Watch(config, progress)
-    if run and (run.path / "resume.safetensors").is_file():
+    if run and _is_saved(run):
         return _finished(training.resume(run, config, watch))
-    if run:  # stopped before anything was saved
+    if run:
         shutil.rmtree(run.path)
     return _finished(training.train(config, runs, watch))
+
+
+def _is_saved(run: RunFolder) -> bool:
+    """Whether it was saved before it stopped, so that it can go on."""
+    by_bptt = isinstance(run.config(), BPTTConfig) and (run.path / "resume.safetensors").is_file()
+    return by_bptt or "weights" in run.status()
 
 
 def _finished(outcome: Outcome) -> RunFolder:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from bilateral_rl.analysis import results
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.config import BPTTConfig, TrainConfig
 from bilateral_rl.errors import UserError
@@ -15,10 +16,18 @@ from bilateral_rl.study.model_job import find_run
 from bilateral_rl.study.plan import results_file, runs_folder
 
 
-def read_results(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:
-    """The long table (:mod:`bilateral_rl.analysis.results`) of the trainings that are done."""
+def read_result(path: Path) -> pd.DataFrame:
+    """The long table (:mod:`bilateral_rl.analysis.results`) of one training. Raises UserError if it is damaged."""
+    try:
+        return results.read_results(path)
+    except UserError as error:
+        raise UserError(f"{str(error).rstrip('.')}; remove it and call the command again.") from None
+
+
+def results_of(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:
+    """The long table of the trainings that are done. Raises UserError for a damaged one."""
     paths = [folder / results_file(config) for config in configs]
-    tables = [_read(path) for path in paths if path.is_file()]
+    tables = [read_result(path) for path in paths if path.is_file()]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(COLUMNS))
 
 
@@ -43,14 +52,3 @@ def _history(run: RunFolder) -> pd.DataFrame:
     if isinstance(config, BPTTConfig):
         return pd.read_csv(run.path / "epochs.csv")
     return pd.read_csv(run.path / "evaluations.csv").assign(seed=config.seed)
-
-
-def _read(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path} is damaged: {error}; remove it and call the command again.") from None
-    missing = [column for column in COLUMNS if column not in table]
-    if missing:
-        raise UserError(f"{path} is damaged: it has no {missing[0]}; remove it and call the command again.")
-    return table

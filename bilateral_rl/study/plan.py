@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,6 +31,8 @@ CALIBRATED: dict[str, Values] = {
 """What the paper leaves open, in profile ``paper``. Radii and penalty were chosen for claims C1 to C3, on unilateral
 models only, from the grid in ``benchmarks/README.md``; C4 to C14 are tests of what was chosen."""
 _QUICK_TESTS = {"trials": 256, "retraining_trials": 640}
+_OWN = ("algo", "model", "task", "seeds", "profile")
+"""Settings that tell a study's trainings apart, or that it has options for."""
 _SPECIALIZED_COST = 1.25
 """Of a training with two losses, against one."""
 
@@ -39,7 +42,7 @@ class Study:
     """Which trainings a study makes: every model on every task.
 
     Raises:
-        UserError: an unknown algorithm or profile, or less than one seed.
+        UserError: an unknown algorithm or profile, less than one seed, or overrides of what a study itself sets.
     """
 
     algo: str = "bptt"
@@ -55,6 +58,9 @@ class Study:
         check_choice("profile", self.profile, PROFILES)
         if self.seeds < 1:
             raise UserError(f"--seeds must be at least 1, got {self.seeds}.")
+        own = [name for name in _OWN if name in self.overrides]
+        if own:
+            raise UserError(f"--set cannot change {own[0]}, which the study itself sets; leave it out.")
 
     @property
     def name(self) -> str:
@@ -62,7 +68,10 @@ class Study:
         return "-".join(["reproduce", self.algo, self.profile, *(["quick"] if self.quick else [])])
 
     def configs(self, threads: int = 1) -> list[TrainConfig]:
-        """Every training: of all seeds at once where the algorithm can, else one a seed."""
+        """Every training: of all seeds at once where the algorithm can, else one a seed.
+
+        Raises UserError for settings that cannot be.
+        """
         own: Values = {"seeds": self.seeds, "profile": self.profile} if self.algo == "bptt" else {}
         layers = [_QUICK[self.algo] if self.quick else {}, own, {"threads": threads}]
         configs = [
@@ -70,6 +79,8 @@ class Study:
             for task in TASKS
             for model in MODELS
         ]
+        if any(config.trial.noisy or config.trial.feedback_delay for config in configs):
+            raise UserError("After a lesion networks are retrained without noise or delay; leave both out of --set.")
         if self.algo == "bptt":
             return configs
         return [dataclasses.replace(config, seed=config.seed + i) for config in configs for i in range(self.seeds)]
@@ -127,6 +138,18 @@ def _job(config: TrainConfig, tests: Mapping[str, Any], threads: int) -> Job:
     )
 
 
-def threads_for(n_jobs: int, n_cpus: int) -> int:
-    """CPU threads of each of so many jobs at a time."""
-    return max(1, n_cpus // n_jobs)
+def side_by_side(wanted: int | None, n_jobs: int) -> tuple[int, int]:
+    """How many of ``n_jobs`` jobs to run at a time on this machine, and with how many CPU threads each.
+
+    Args:
+        wanted: how many at a time; None for one a CPU.
+        n_jobs: how many there are.
+
+    Raises:
+        UserError: less than one at a time.
+    """
+    if wanted is not None and wanted < 1:
+        raise UserError(f"--jobs must be at least 1, got {wanted}.")
+    n_cpus = len(os.sched_getaffinity(0))
+    at_once = min(wanted or n_cpus, n_jobs)
+    return at_once, max(1, n_cpus // at_once)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -15,9 +16,7 @@ import yaml
 from bilateral_rl.claims import Claim
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
-from bilateral_rl.figures.saving import as_png_data_uri
 from bilateral_rl.run_folder import replacing, versions
-from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import RADII, Study
 from bilateral_rl.study.tables import ReportTable
@@ -32,6 +31,14 @@ _RULE = (
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A figure that is drawn."""
+
+    png: Path
+    caption: str
+
+
+@dataclass(frozen=True)
 class Findings:
     """What a report tells."""
 
@@ -40,7 +47,7 @@ class Findings:
     outcomes: Sequence[JobOutcome]
     claims: Sequence[Claim]
     tables: Sequence[ReportTable]
-    drawings: Sequence[Drawing]
+    pictures: Sequence[Picture]
 
 
 def write_report(findings: Findings, path: Path) -> None:
@@ -70,7 +77,7 @@ def _values(findings: Findings) -> dict[str, Any]:
         "claims": findings.claims,
         "rule": _RULE,
         "tables": findings.tables,
-        **_figures(findings.drawings),
+        **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
         "jobs_summary": _jobs_summary(findings.outcomes),
         "setup": _setup(study),
@@ -87,28 +94,24 @@ def _subtitle(study: Study) -> str:
     )
 
 
-def _figures(drawings: Sequence[Drawing]) -> dict[str, Any]:
+def _figures(pictures: Sequence[Picture]) -> dict[str, Any]:
     """Large figures one below the other; hand paths, which are small and many, side by side."""
-    large = [d for d in drawings if not d.name.startswith("paths_")]
-    groups: dict[str, list[Drawing]] = {}
-    for drawing in drawings:
-        if drawing.name.startswith("paths_"):
-            groups.setdefault(drawing.caption.partition(":")[0], []).append(drawing)
-    return {
-        "figures": [_picture(drawing) for drawing in large],
-        "small_figures": [
-            {"title": f"{task}: hand paths", "figures": [_picture(drawing) for drawing in group]}
-            for task, group in groups.items()
-        ],
-    }
+    large = [_shown(picture) for picture in pictures if not picture.png.name.startswith("paths_")]
+    groups: dict[str, list[dict[str, str]]] = {}
+    for picture in pictures:
+        if picture.png.name.startswith("paths_"):
+            groups.setdefault(picture.caption.partition(":")[0], []).append(_shown(picture))
+    small = [{"title": f"{task}: hand paths", "figures": group} for task, group in groups.items()]
+    return {"figures": large, "small_figures": small}
 
 
-def _picture(drawing: Drawing) -> dict[str, str]:
-    return {"uri": as_png_data_uri(drawing.figure), "caption": drawing.caption}
+def _shown(picture: Picture) -> dict[str, str]:
+    data = base64.b64encode(picture.png.read_bytes()).decode("ascii")
+    return {"uri": f"data:image/png;base64,{data}", "caption": picture.caption}
 
 
 def _job(outcome: JobOutcome) -> dict[str, str]:
-    failed = outcome.state != JobState.DONE
+    log = outcome.log if outcome.state != JobState.DONE else None
     task, _, model = outcome.job.name.partition("/")
     name, _, seed = model.partition("-")
     return {
@@ -116,7 +119,7 @@ def _job(outcome: JobOutcome) -> dict[str, str]:
         "state": str(outcome.state),
         "minutes": f"{outcome.seconds / 60:.1f}" if outcome.seconds else "before",
         "error": outcome.error or "",
-        "log": _end_of(outcome.log) if failed and outcome.log else "",
+        "log": _end_of(log) if log is not None and log.is_file() else "",
     }
 
 

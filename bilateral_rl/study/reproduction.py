@@ -11,11 +11,11 @@ from bilateral_rl.claims import Claim, ClaimSettings, evaluate_claims
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.figures.saving import save
 from bilateral_rl.run_folder import replacing
-from bilateral_rl.study.drawing import Drawing, draw_study
+from bilateral_rl.study.drawing import draw_study
 from bilateral_rl.study.jobs import JobOutcome
-from bilateral_rl.study.outcome import read_results, runs_of
+from bilateral_rl.study.outcome import results_of, runs_of
 from bilateral_rl.study.plan import RADII, Study
-from bilateral_rl.study.report import Findings, write_report
+from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.tables import ReportTable, study_tables
 
 REPORT, RESULTS, CLAIMS = "report.html", "results.csv", "claims.csv"
@@ -36,34 +36,29 @@ def conclude(
         UserError: damaged results, or a folder that cannot be written.
     """
     configs = study.configs()
-    results = read_results(folder, configs)
+    results = results_of(folder, configs)
     say("computing the claims")
     settings = ClaimSettings(reach_radius=RADII["random_reach"], hold_radius=RADII["hold_position"])
     claims = evaluate_claims(results, settings)
     tables = list(study_tables(results, RADII))
+    _write(results, claims, tables, folder)
     say("drawing the figures")
     runs = {task: runs_of(folder, [config for config in configs if config.task == task]) for task in TASKS}
-    drawings = list(draw_study(results, RADII, runs))
-    _write(results, claims, tables, drawings, folder)
+    pictures = [
+        Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
+        for drawing in draw_study(results, RADII, runs)
+    ]
     say("writing the report")
-    write_report(Findings(study, configs, outcomes, claims, tables, drawings), folder / REPORT)
+    write_report(Findings(study, configs, outcomes, claims, tables, pictures), folder / REPORT)
     return claims
 
 
-def _write(
-    results: pd.DataFrame,
-    claims: Sequence[Claim],
-    tables: Sequence[ReportTable],
-    drawings: Sequence[Drawing],
-    folder: Path,
-) -> None:
+def _write(results: pd.DataFrame, claims: Sequence[Claim], tables: Sequence[ReportTable], folder: Path) -> None:
     _csv(results, folder / RESULTS)
     _csv(_claims_table(claims), folder / CLAIMS)
     (folder / "tables").mkdir(exist_ok=True)
     for table in tables:
         _csv(table.frame(), folder / "tables" / f"{table.name}.csv")
-    for drawing in drawings:
-        save(drawing.figure, folder / "figures" / drawing.name)
 
 
 def _claims_table(claims: Sequence[Claim]) -> pd.DataFrame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,11 +12,14 @@ from typing import Any
 
 import pandas as pd
 
+from bilateral_rl.analysis.lesioning import THRESHOLDS
+from bilateral_rl.analysis.metrics import Metric, metrics_of
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import resolve
 from bilateral_rl.settings import Values, merge, parse_overrides
 from bilateral_rl.study.jobs import Job
+from bilateral_rl.study.outcome import read_result
 from bilateral_rl.study.plan import TRAIN_AND_MEASURE, cost_of
 
 MAX_POINTS = 1_000
@@ -27,7 +31,7 @@ class Sweep:
     """A training at every point of a grid.
 
     Raises:
-        UserError: no grid, or one of too many points.
+        UserError: no grid, one of too many points, or settings that name the algorithm.
     """
 
     algo: str
@@ -39,9 +43,9 @@ class Sweep:
     """Of each test."""
 
     def __post_init__(self) -> None:
-        n = 1
-        for values in self.grid.values():
-            n *= len(values)
+        n = math.prod(map(len, self.grid.values()))
+        if "algo" in {**self.grid, **self.overrides}:
+            raise UserError("The algorithm of a sweep is that of --algo; leave algo out of --grid and --set.")
         if not self.grid or not 1 <= n <= MAX_POINTS:
             raise UserError(f"A sweep needs a --grid of 1 to {MAX_POINTS:,} points, got {n if self.grid else 'none'}.")
 
@@ -59,12 +63,15 @@ class Sweep:
 
     def jobs(self, threads: int = 1) -> list[Job]:
         """One for each point. Raises UserError for settings that cannot be, and for two points that are one."""
-        jobs = [self._job(point, self.config(point, threads), threads) for point in self.points()]
-        names = [job.name for job in jobs]
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            raise UserError(f"The grid holds {twice[0]} more than once; give every value once.")
-        return jobs
+        jobs: dict[str, Job] = {}
+        trainings: dict[str, str] = {}
+        for point in self.points():
+            name, config = point_name(point), self.config(point, threads)
+            same = trainings.setdefault(repr(config), name)
+            if name in jobs or same != name:
+                raise UserError(f"The grid holds {same} more than once; give every value once.")
+            jobs[name] = self._job(point, config, threads)
+        return list(jobs.values())
 
     def to_values(self) -> Values:
         """What ``study.yaml`` holds."""
@@ -72,9 +79,8 @@ class Sweep:
         return {"sweep": grid, "algo": self.algo, "overrides": self.overrides, "trials": self.trials}
 
     def _job(self, point: Mapping[str, str], config: TrainConfig, threads: int) -> Job:
-        name = point_name(point)
+        name, result = point_name(point), result_file(point)
         lesions: dict[str, Any] = {"lesions": ["intact"], "retrain": False, "trials": self.trials}
-        result = f"results/{name}.csv"
         arguments = {"config": config.to_values(), "lesions": lesions, "runs": f"runs/{name}", "result": result}
         seeds = getattr(config, "seeds", 1)
         return Job(name, TRAIN_AND_MEASURE, result, arguments, cost=cost_of(config) * seeds, threads=threads)
@@ -100,11 +106,27 @@ def point_name(point: Mapping[str, str]) -> str:
     return re.sub(r"[^\w.=,+-]", "_", ",".join(parts))
 
 
+def result_file(point: Mapping[str, str]) -> str:
+    """Where in the sweep's folder the results of a point lie."""
+    return f"results/{point_name(point)}.csv"
+
+
+def measured_metrics(config: TrainConfig) -> list[Metric]:
+    """What the results of a training hold."""
+    return metrics_of(config.task, sorted({*THRESHOLDS, config.trial.threshold}))
+
+
 def read_sweep(sweep: Sweep, folder: Path) -> pd.DataFrame:
-    """The long table of the points that are done, with a column for each setting of the grid."""
+    """The long table of the points that are done.
+
+    Beside its own columns it has ``point``, the point's name, and one for each setting of the grid that is not among
+    them already. Raises UserError for a damaged table.
+    """
     tables = []
     for point in sweep.points():
-        path = folder / "results" / f"{point_name(point)}.csv"
+        path = folder / result_file(point)
         if path.is_file():
-            tables.append(pd.read_csv(path).assign(**point))
+            table = read_result(path)
+            settings = {name: value for name, value in point.items() if name not in table}
+            tables.append(table.assign(point=point_name(point), **settings))
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()

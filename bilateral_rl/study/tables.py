@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from bilateral_rl.analysis.comparison import ModelComparison, compare, compare_lesions
+from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by_seed
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.analysis.statistics import OmnibusTest, anova, welch_anova
 from bilateral_rl.catalogue import MODELS
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.policies.lesions import LESIONS
@@ -81,18 +82,15 @@ def _of_tests(results: pd.DataFrame, task: str, models: list[str]) -> ReportTabl
     rows = []
     for metric in metrics_of(task, _RADII):
         if metric.name in there:
-            comparison = compare(results, metric.name, task, models)
-            rows.append([_name(metric), *_omnibus(comparison)])
+            groups = [values_by_seed(results, metric.name, task, model) for model in models]
+            rows.append([_name(metric), *_omnibus(anova(groups)), *_omnibus(welch_anova(groups))])
     columns = ["", "one-way ANOVA", "p", "Welch's ANOVA", "p"]
     return ReportTable(f"tests_{task}", f"{task_label(task)}: do the models differ at all?", columns, rows)
 
 
-def _omnibus(comparison: ModelComparison) -> list[str]:
-    cells = []
-    for test in (comparison.anova, comparison.welch):
-        df = ", ".join(f"{value:.4g}" for value in test.df)
-        cells += [f"F({df}) = {test.statistic:.2f}" if not math.isnan(test.p) else test.note or "–", p_text(test.p)]
-    return cells
+def _omnibus(test: OmnibusTest) -> list[str]:
+    df = ", ".join(f"{value:.4g}" for value in test.df)
+    return [f"F({df}) = {test.statistic:.2f}" if not math.isnan(test.p) else test.note or "–", p_text(test.p)]
 
 
 def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]) -> ReportTable:
@@ -101,9 +99,9 @@ def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]
     rows = [
         [
             f"{model_label(pair['first'])} − {model_label(pair['second'])}",
-            f"{pair['difference']:+.3g}",
+            _number(pair["difference"], "+.3g"),
             f"{_number(pair['low'])} to {_number(pair['high'])}",
-            f"{pair['g']:+.2f}",
+            _number(pair["g"], "+.2f"),
             p_text(pair["p_games_howell"]),
             p_text(pair["p_tukey"]),
         ]
@@ -132,7 +130,7 @@ def _of_lesions(results: pd.DataFrame, task: str, metric: Metric, models: list[s
 
 def _against_intact(results: pd.DataFrame, metric: Metric, task: str, model: str) -> dict[str, float]:
     rows = results[(results["model"] == model) & (results["task"] == task) & results["retrained"].astype(bool)]
-    if rows["lesion"].nunique() < 2:
+    if INTACT not in set(rows["lesion"]) or rows["lesion"].nunique() < 2:
         return {}
     pairs = compare_lesions(results, metric.name, task, model).pairs
     pairs = pairs[pairs["first"] == INTACT]
@@ -150,7 +148,7 @@ def _of_specialization(results: pd.DataFrame, task: str, metric: Metric, models:
             ]
             dominant, non_dominant = pd.concat(sides, axis=1, join="inner").to_numpy(dtype=np.float64).T
             interval = mean_interval(specialization_index(dominant, non_dominant))
-            row.append(f"{interval.value:+.3f} ({_number(interval.low)} to {_number(interval.high)})")
+            row.append(f"{_number(interval.value, '+.3f')} ({_number(interval.low)} to {_number(interval.high)})")
         rows.append(row)
     title = f"{task_label(task)}: specialization index, {_name(metric)}"
     columns = ["", "without retraining", "retrained"]
@@ -169,8 +167,8 @@ def _spread(values: pd.Series) -> str:
     return f"{mean} ± {numbers.std(ddof=1):.2g}" if len(numbers) > 1 else mean
 
 
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.3g}"
+def _number(value: float, form: str = ".3g") -> str:
+    return "–" if math.isnan(value) else format(value, form)
 
 
 def p_text(p: float) -> str:

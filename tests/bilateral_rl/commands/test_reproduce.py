@@ -1,0 +1,219 @@
+"""`bilateral-rl reproduce`, with made-up results in the place of trainings; a real one takes a minute and is slow."""
+
+import os
+import re
+import runpy
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from bilateral_rl.cli import app
+from bilateral_rl.commands import reproduce as command
+from bilateral_rl.commands.train import INTERRUPTED_EXIT
+from bilateral_rl.errors import UserError
+from bilateral_rl.figures.style import new_figure
+from bilateral_rl.study import local, plan, reproduction
+from bilateral_rl.study.drawing import Drawing
+from bilateral_rl.study.jobs import JobOutcome, JobState
+from bilateral_rl.study.plan import Study
+
+make_results = runpy.run_path(str(Path(__file__).parents[1] / "claims" / "conftest.py"))["_results"]
+QUICK = ("reproduce", "--quick", "--jobs", 4, "--out", "study")
+
+
+TOYS = Path(__file__).parents[1] / "study"
+
+
+@pytest.fixture
+def toy_models(monkeypatch):
+    """Trainings take the results that lie in ``prepared``, beside the study's folder, and fail where there are none."""
+    monkeypatch.syspath_prepend(str(TOYS))
+    monkeypatch.setattr(plan, "TRAIN_AND_MEASURE", "toy_models:measure")
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch):
+    """Calls ``bilateral-rl`` in an empty folder; its exit code and what it printed. Errors are raised."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments):
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        return result.exit_code, result.output
+
+    return run
+
+
+@pytest.fixture
+def prepared(tmp_path, toy_models, monkeypatch):
+    """Results of every training that bear out the paper, and one small figure in the place of all that is shown."""
+    results = make_results()
+    results["metric"] = results["metric"].replace("time_in_goal_5cm", "time_in_goal_1cm")
+    for (task, model), rows in results.groupby(["task", "model"]):
+        path = tmp_path / "prepared" / task / f"{model}.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        rows.to_csv(path, index=False)
+    figure = Drawing("models_random_reach", "Models.", new_figure(1.0))
+    monkeypatch.setattr(reproduction, "draw_study", lambda *_: iter([figure]))
+    monkeypatch.setattr(reproduction, "study_tables", lambda *_: iter([]))
+    return tmp_path / "prepared"
+
+
+def test_a_training_that_fails_stops_nothing_and_is_tried_again(call, prepared, tmp_path, monkeypatch):
+    missing = prepared / "hold_position" / "uni_ndl.csv"
+    kept = missing.rename(prepared / "kept.csv")
+    code, out = call(*QUICK)
+    assert code == 0
+    assert "14 trainings into study" in out
+    assert "Failed: hold_position/uni_ndl: ValueError: <b>no uni_ndl</b> & nothing else" in out
+    assert re.search(r"C3 .*undecided", out)
+    assert re.search(r"C1 .* supported", out)
+    assert "Report: study/report.html" in out
+    page = (tmp_path / "study" / "report.html").read_text()
+    assert "Preview: 3 seeds" in page
+    assert "&lt;b&gt;no uni_ndl&lt;/b&gt; &amp; nothing else" in page
+    assert "&lt;script&gt;alert(&#39;uni_ndl&#39;)" in page  # of its log
+    assert "<script" not in page
+
+    kept.rename(missing)
+    logs = {path: path.read_bytes() for path in (tmp_path / "study" / "logs").rglob("*.log")}
+    code, out = call(*QUICK)
+    assert code == 0
+    assert "13 of 14 jobs were done before." in out
+    assert "Of 14 claims: 14 supported" in out
+    grown = [path for path, before in logs.items() if path.read_bytes() != before]
+    assert grown == [tmp_path / "study" / "logs" / "hold_position" / "uni_ndl.log"]
+
+    monkeypatch.setattr(local, "JobProcess", None)  # nothing is left to start
+    (tmp_path / "study" / "report.html").unlink()
+    code, out = call(*QUICK)
+    assert code == 0
+    assert "14 of 14 jobs were done before." in out
+    assert (tmp_path / "study" / "report.html").is_file()
+
+
+@pytest.fixture
+def outcomes(monkeypatch):
+    """Jobs are not done; they end as ``ends`` says, by name, and otherwise well. What was asked for is kept."""
+
+    class Outcomes:
+        def __init__(self):
+            self.ends, self.calls = {}, []
+
+        def __call__(self, jobs, folder, where, *_):
+            self.calls.append((jobs, folder, where))
+            return [JobOutcome(job, *self.ends.get(job.name, (JobState.DONE,))) for job in jobs]
+
+    made = Outcomes()
+    monkeypatch.setattr(command, "run_local", made)
+    monkeypatch.setattr("bilateral_rl.study.ray_cluster.run_on_ray", made)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("options", "name", "seeds"),
+    [
+        ([], "reproduce-bptt-paper", 10),
+        (["--quick", "--profile", "released"], "reproduce-bptt-released-quick", 3),
+        (["--quick", "--seeds", 5], "reproduce-bptt-paper-quick", 5),
+        (["--algo", "ppo"], "reproduce-ppo-paper", 10),
+    ],
+)
+def test_a_study_goes_to_a_folder_of_its_own(call, outcomes, tmp_path, options, name, seeds):
+    code, out = call("reproduce", *options)
+    assert code == 0
+    folder = tmp_path / "runs" / name
+    assert yaml.safe_load((folder / "study.yaml").read_text())["seeds"] == seeds
+    assert f"Report: runs/{name}/report.html" in out
+    assert (folder / "report.html").is_file()
+    assert "Of 14 claims: 0 supported, 0 not supported, 14 undecided." in out
+
+
+def test_so_many_at_a_time_share_the_processors(call, outcomes, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(6)))
+    call("reproduce", "--jobs", 2)
+    ((jobs, _, at_once),) = outcomes.calls
+    assert at_once == 2
+    assert {job.threads for job in jobs} == {3}
+
+
+def test_jobs_are_handed_to_a_cluster(call, outcomes):
+    call("reproduce", "--ray", "head:6379", "--out", "study")
+    ((jobs, folder, address),) = outcomes.calls
+    assert (len(jobs), folder, address) == (14, Path("study"), "head:6379")
+
+
+def test_interrupted_it_concludes_nothing(call, outcomes, tmp_path):
+    outcomes.ends["random_reach/cc_s"] = (JobState.INTERRUPTED,)
+    code, out = call("reproduce", "--out", "study")
+    assert code == INTERRUPTED_EXIT
+    assert "Stopped with 13 of 14 jobs done; the same command goes on." in out
+    assert {path.name for path in (tmp_path / "study").iterdir()} == {"study.yaml"}
+
+
+def test_errors_are_printed_as_they_are(call, outcomes):
+    outcomes.ends["random_reach/cc_s"] = (JobState.FAILED, 1.0, "KeyError: '[/bold] [red]'")
+    _, out = call("reproduce", "--out", "study")
+    assert "Failed: random_reach/cc_s: KeyError: '[/bold] [red]'" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--seeds", 0], "--seeds must be at least 1"),
+        (["--jobs", 0], "--jobs must be at least 1"),
+        (["--algo", "sac"], "Unknown algorithm"),
+        (["--profile", "mine"], "Unknown profile"),
+        (["--set", "model=cc_s"], "--set cannot change model"),
+        (["--set", "epochs=none"], "epochs must be a whole number"),
+        (["--set", "epochs"], "--set takes key=value"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_anything_is_written(call, outcomes, tmp_path, options, message):
+    with pytest.raises(UserError, match=message):
+        call("reproduce", *options)
+    assert not list(tmp_path.iterdir())
+    assert not outcomes.calls
+
+
+def test_a_folder_of_another_study_is_refused(call, outcomes):
+    call("reproduce", "--out", "study", "--set", "epochs=2")
+    with pytest.raises(UserError, match=r"study holds a study with overrides = \{'epochs': 2\}, not \{\}"):
+        call("reproduce", "--out", "study")
+    assert len(outcomes.calls) == 1
+
+
+@pytest.mark.slow
+def test_the_whole_interrupted_and_gone_on_with(tmp_path):
+    tiny = ["epochs=1", "bptt.trials=64", "bptt.validation_trials=8", "trial.trial_length=10"]
+    arguments = ["reproduce", "--quick", "--seeds", "2", "--out", str(tmp_path / "study")]
+    words = [sys.executable, "-m", "bilateral_rl.cli", *arguments, *(w for item in tiny for w in ("--set", item))]
+    process = subprocess.Popen(words, text=True, stdout=subprocess.PIPE)
+    while not list((tmp_path / "study").glob("results/*/*.csv")) and process.poll() is None:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=120)
+    assert process.returncode == INTERRUPTED_EXIT
+    before = re.search(r"Stopped with (\d+) of 14 jobs done", out)
+    assert 0 < int(before[1]) < 14
+    out = subprocess.run(words, text=True, capture_output=True, check=True).stdout
+    assert f"{before[1]} of 14 jobs were done before." in out
+    assert "Failed" not in out
+    results = pd.read_csv(tmp_path / "study" / "results.csv")
+    assert len(results.groupby(["task", "model", "seed"])) == 14 * 2
+    assert set(results.loc[results["model"] == "cc_s", "lesion"]) > {"intact", "callosum", "deep_dominant"}
+    page = (tmp_path / "study" / "report.html").read_text()
+    assert "14 of 14 trainings are done." in page
+    figures = list((tmp_path / "study" / "figures").glob("*.png"))
+    assert page.count("data:image/png;base64,") == len(figures) > 30
+    runs = [config.task for config in Study(seeds=2).configs()]
+    assert len(list((tmp_path / "study").glob("runs/*/*/config.yaml"))) == len(runs)

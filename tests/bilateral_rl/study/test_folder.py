@@ -1,0 +1,88 @@
+import errno
+from contextlib import contextmanager
+
+import pytest
+
+from bilateral_rl import settings
+from bilateral_rl.errors import UserError
+from bilateral_rl.settings import parse_overrides
+from bilateral_rl.study import folder as module
+from bilateral_rl.study.folder import STUDY_FILE, claim_folder
+from bilateral_rl.study.plan import Study
+from bilateral_rl.study.sweep import Sweep
+
+OVERRIDES = parse_overrides(["epochs=3", "bptt.learning_rate=1e-2", "bptt.patience=2"])
+
+
+def values(**changes):
+    return Study(**({"seeds": 4, "overrides": OVERRIDES} | changes)).to_values()
+
+
+def test_a_folder_says_which_study_it_holds_and_takes_it_again(tmp_path):
+    folder = tmp_path / "deep" / "study"
+    claim_folder(folder, values())
+    assert settings.load_file(folder / STUDY_FILE) == values()
+    written = (folder / STUDY_FILE).read_bytes()
+    (folder / "results").mkdir()
+    claim_folder(folder, values())
+    assert (folder / STUDY_FILE).read_bytes() == written
+    assert {path.name for path in folder.iterdir()} == {STUDY_FILE, "results"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"seeds": 5}, "seeds = 4, not 5"),
+        ({"algo": "ppo"}, "algo = 'bptt', not 'ppo'"),
+        ({"quick": True}, "quick = False, not True"),
+        ({"overrides": {}}, "overrides = "),
+        ({"overrides": parse_overrides(["epochs=3", "bptt.patience=2"])}, "overrides = "),
+        ({"overrides": OVERRIDES | {"seed": 1}}, "overrides = "),
+    ],
+)
+def test_another_study_is_refused(tmp_path, changes, name):
+    claim_folder(tmp_path, values())
+    with pytest.raises(UserError, match="go on with it as it was begun, or choose another --out") as error:
+        claim_folder(tmp_path, values(**changes))
+    assert f"holds a study with {name}" in str(error.value)
+    claim_folder(tmp_path, values())
+
+
+def test_sweeps_and_reproductions_do_not_mix(tmp_path):
+    sweep = Sweep("bptt", {"epochs": ["1", "2"]}).to_values()
+    claim_folder(tmp_path / "a", sweep)
+    with pytest.raises(UserError, match="choose another --out"):
+        claim_folder(tmp_path / "a", values())
+    with pytest.raises(UserError, match="choose another --out"):
+        claim_folder(tmp_path / "a", Sweep("bptt", {"epochs": ["1"]}).to_values())
+    claim_folder(tmp_path / "b", values())
+    with pytest.raises(UserError, match="choose another --out"):
+        claim_folder(tmp_path / "b", sweep)
+
+
+def test_a_folder_of_other_things_is_refused_and_stays_as_it_was(tmp_path):
+    (tmp_path / "thesis.txt").write_text("")
+    with pytest.raises(UserError, match="is not empty and holds no study"):
+        claim_folder(tmp_path, values())
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_damaged_study_is_refused(tmp_path):
+    (tmp_path / STUDY_FILE).write_text("[")
+    with pytest.raises(UserError, match=STUDY_FILE):
+        claim_folder(tmp_path, values())
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="Choose another --out"):
+        claim_folder(tmp_path / "file" / "study", values())
+
+    @contextmanager
+    def full(path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+        yield
+
+    monkeypatch.setattr(module, "replacing", full)
+    with pytest.raises(UserError, match=r"No space left on device\. Choose another --out"):
+        claim_folder(tmp_path / "study", values())

@@ -1,0 +1,243 @@
+"""The report as a browser reads it."""
+
+import base64
+import io
+import json
+from html.parser import HTMLParser
+
+import pytest
+import yaml
+from PIL import Image
+
+from bilateral_rl.analysis.intervals import Interval
+from bilateral_rl.claims import Claim, Component
+from bilateral_rl.run_folder import versions
+from bilateral_rl.study.jobs import JobOutcome, JobState
+from bilateral_rl.study.plan import Study
+from bilateral_rl.study.report import LOG_LINES, Findings, Picture, counts_of, write_report
+from bilateral_rl.study.tables import ReportTable
+
+VOID = {"meta", "img", "br"}
+BAD = "<script>alert('1 < 2 & \"so\"')</script>"
+
+
+class Page(HTMLParser):
+    """Elements with their attributes, and text by the elements that it stands in; refuses tags that do not close."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.elements, self.texts, self._open = [], [], []
+        self.feed(path.read_text(encoding="utf-8"))
+        self.close()
+        assert not self._open
+
+    def handle_starttag(self, tag, attributes):
+        self.elements.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self._open.append((tag, dict(attributes)))
+
+    def handle_endtag(self, tag):
+        assert self._open.pop()[0] == tag
+
+    def handle_data(self, data):
+        if data.strip():
+            self.texts.append((list(self._open), data.strip()))
+
+    def text(self, tag=None, **attributes):
+        """All text within elements of this kind, one a line."""
+        wanted = {name.rstrip("_"): value for name, value in attributes.items()}
+        return "\n".join(
+            text
+            for inside, text in self.texts
+            if any(t == (tag or t) and wanted.items() <= a.items() for t, a in inside)
+        )
+
+    def folded(self):
+        """What is folded away, by the words that are shown instead."""
+        words = [text for inside, text in self.texts if inside[-1][0] in ("summary", "pre")]
+        return dict(zip(words[::2], words[1::2], strict=True))
+
+
+def component(text="completion: uni_dl > uni_ndl", verdict="supported", **values):
+    fields = {
+        "measured": "uni_dl 97 %",
+        "quantity": "difference",
+        "unit": "points",
+        "test": "Welch's t test",
+        "p": 0.01,
+    }
+    return Component(text=text, estimate=Interval(2.0, 1.0, 3.0, 10), verdict=verdict, **(fields | values))
+
+
+CLAIMS = [
+    Claim(
+        "C1", "Reach: the first claim.", (component(), component("ratio", "undecided", test="", note="only 3 seeds"))
+    ),
+    Claim("C2", f"Lesions: {BAD}", (component("shallow", "not supported"),), (component("bare", "supported"),)),
+    Claim("C3", "Hold: the third claim.", (component("hold"),)),
+]
+
+
+@pytest.fixture
+def picture(tmp_path):
+    def make(name, caption="Reach: what it shows.", size=(30, 20)):
+        Image.new("RGB", size, "red").save(tmp_path / f"{name}.png")
+        return Picture(tmp_path / f"{name}.png", caption)
+
+    return make
+
+
+@pytest.fixture
+def page(tmp_path):
+    """The page that tells of a study, its outcomes all done unless others are given."""
+
+    def make(study=None, outcomes=None, claims=CLAIMS, tables=(), pictures=()):
+        study = study or Study(seeds=2)
+        outcomes = outcomes or [JobOutcome(job, JobState.DONE, 90.0) for job in study.jobs()]
+        path = tmp_path / "report.html"
+        write_report(Findings(study, study.configs(), outcomes, claims, tables, pictures), path)
+        return Page(path)
+
+    return make
+
+
+def badges(shown, number):
+    """Verdicts in the section of a claim, with how they look."""
+    section = ("section", {"class": "claim", "id": number})
+    marked = [(text, inside[-1][1].get("class", "")) for inside, text in shown.texts if section in inside]
+    return [(text, look) for text, look in marked if look.startswith("verdict")]
+
+
+def test_every_claim_stands_with_its_statement_parts_numbers_and_verdict(page):
+    shown = page()
+    for claim in CLAIMS:
+        text = shown.text("section", id=claim.number)
+        parts = [*claim.components, *claim.without_retraining]
+        words = [claim.statement, *(part.text for part in parts), *(part.numbers for part in parts)]
+        note = f" Note: {claim.note}." if claim.note else ""
+        for expected in (*words, f"Test: {claim.tests}.{note}"):
+            assert expected in text
+        verdicts = [part.verdict for part in (claim, *parts)]
+        assert badges(shown, claim.number) == [(v, f"verdict {v.replace(' ', '-')}") for v in verdicts]
+
+
+def test_all_verdicts_stand_first_and_lead_to_their_claims(page):
+    shown = page()
+    cells = shown.text("td").splitlines()
+    expected = [text for claim in CLAIMS for text in (claim.number, claim.statement, claim.verdict)]
+    assert cells[: len(expected)] == expected
+    links = {attributes["href"] for tag, attributes in shown.elements if tag == "a"}
+    targets = {f"#{attributes['id']}" for _, attributes in shown.elements if "id" in attributes}
+    assert {"#C1", "#C2", "#C3"} <= links <= targets
+    assert "Of 3 claims: 1 supported, 1 not supported, 1 undecided." in shown.text("p")
+
+
+def test_verdicts_are_counted():
+    assert counts_of(CLAIMS[:1] * 2) == "Of 2 claims: 0 supported, 0 not supported, 2 undecided."
+
+
+def test_the_page_needs_nothing_from_outside(page, picture):
+    shown = page(pictures=[picture("models_random_reach"), picture("paths_random_reach_cc_s")])
+    tags = {tag for tag, _ in shown.elements}
+    assert not tags & {"script", "link", "iframe", "object", "embed", "base", "audio", "video", "source", "svg"}
+    for _, attributes in shown.elements:
+        for name, value in attributes.items():
+            assert not name.startswith("on")
+            if name in ("src", "href", "srcset", "action", "data", "background", "style"):
+                assert value.startswith(("#", "data:image/png;base64,")), value
+    assert "url(" not in shown.text("style")
+    assert "@import" not in shown.text("style")
+
+
+def test_pictures_are_in_the_page_each_once_with_its_caption(page, picture):
+    names = ["models_random_reach", "paths_random_reach_cc_s", "paths_random_reach_bi_s", "paths_hold_position_cc_s"]
+    captions = ["Reach: models.", "Reach: paths of CC-S.", "Reach: paths of Bi-S.", "Hold: paths of CC-S."]
+    pictures = [picture(*values, (10 + i, 20)) for i, values in enumerate(zip(names, captions, strict=True))]
+    shown = page(pictures=pictures)
+    images = [attributes for tag, attributes in shown.elements if tag == "img"]
+    assert [image["alt"] for image in images] == captions
+    for i, image in enumerate(images):
+        decoded = Image.open(io.BytesIO(base64.b64decode(image["src"].partition(",")[2], validate=True)))
+        assert decoded.format == "PNG"
+        assert decoded.size == (10 + i, 20)
+    assert shown.text("figcaption").splitlines() == captions
+    assert [line for line in shown.text("h3").splitlines() if "hand paths" in line] == [
+        "Reach: hand paths",
+        "Hold: hand paths",
+    ]
+
+
+def test_tables_are_shown_whole(page):
+    table = ReportTable("t", "A < title", ["", "Uni-B"], [["Effort (s)", "1 ± 2"], ["p", "< 0.001"]], "A & note.")
+    shown = page(tables=[table])
+    assert "A < title" in shown.text("h3")
+    assert "A & note." in shown.text("p")
+    cells = shown.text("td").splitlines()
+    assert [cell for cell in cells if cell in {"Effort (s)", "1 ± 2", "p", "< 0.001"}] == [
+        "Effort (s)", "1 ± 2", "p", "< 0.001",
+    ]  # fmt: skip
+
+
+def test_only_a_preview_says_that_it_is_one(page):
+    (banner,) = page(Study(seeds=3, quick=True)).text(class_="preview").splitlines()
+    assert banner == "Preview: 3 seeds, short trainings and few test trials. No number here is a result."
+    assert "Preview" not in "\n".join(text for _, text in page(Study(seeds=3)).texts)
+
+
+def test_a_failed_training_is_shown_with_its_error_and_the_end_of_its_log(page, tmp_path):
+    study = Study(seeds=2)
+    jobs = study.jobs()
+    log = tmp_path / "log"
+    log.write_bytes("\n".join([f"line {i}" for i in range(40)] + [BAD, "\x1b[31m end"]).encode() + b"\xff")
+    outcomes = [JobOutcome(job, JobState.DONE, 90.0, log=log) for job in jobs]
+    outcomes[3] = JobOutcome(jobs[3], JobState.FAILED, 30.0, f"ValueError: {BAD}", log)
+    outcomes[4] = JobOutcome(jobs[4], JobState.DONE)
+    outcomes[5] = JobOutcome(jobs[5], JobState.FAILED, 3.0, "killed", None)
+    outcomes[6] = JobOutcome(jobs[6], JobState.FAILED, 3.0, "killed", tmp_path / "gone")
+    shown = page(study, outcomes, claims=CLAIMS[:1])
+    text = shown.text("td")
+    assert f"Random reach, Bi-NS\nfailed\n0.5\nValueError: {BAD}\n" in text
+    assert "Random reach, Bi-S\ndone\nbefore\n" in text
+    assert "Random reach, CC-NS\nfailed\n" in text
+    logs = {words: text for words, text in shown.folded().items() if "log" in words}
+    assert list(logs) == ["The end of the log of Random reach, Bi-NS"]
+    lines = logs["The end of the log of Random reach, Bi-NS"].splitlines()
+    assert lines[: LOG_LINES - 2] == [f"line {i}" for i in range(42 - LOG_LINES, 40)]
+    assert lines[-2] == BAD
+    assert lines[-1].endswith("end\N{REPLACEMENT CHARACTER}")
+    assert "11 of 14 trainings are done. The others are missing" in shown.text("p")
+
+
+def test_nothing_that_is_reported_can_act_as_markup(page, tmp_path):
+    study = Study(seeds=2)
+    log = tmp_path / "log"
+    log.write_text(BAD)
+    outcomes = [JobOutcome(job, JobState.FAILED, 1.0, BAD, log) for job in study.jobs()]
+    shown = page(study, outcomes, tables=[ReportTable(BAD, BAD, [BAD, BAD], [[BAD, BAD]], BAD)])
+    assert "script" not in {tag for tag, _ in shown.elements}
+    assert sum(text.count(BAD) for _, text in shown.texts) == 2 * 14 + 6 + 2  # jobs, table, a claim in two places
+
+
+def test_runs_of_one_seed_each_are_named_by_it(page):
+    study = Study(algo="ppo", seeds=2)
+    names = [text for inside, text in page(study).texts if inside[-1][0] == "td" and "seed" in text]
+    assert names[:2] == ["Random reach, Uni-B, seed 0", "Random reach, Uni-B, seed 1"]
+    assert len(names) == 28
+
+
+def test_configuration_and_versions_are_exact(page):
+    study = Study(seeds=2, overrides={"epochs": 3})
+    blocks = page(study, claims=CLAIMS[:1]).folded()
+    assert yaml.safe_load(blocks["The study"]) == study.to_values()
+    for task, words in (("random_reach", "Random reach"), ("hold_position", "Hold position")):
+        (config,) = [c for c in study.configs() if (c.task, c.model) == (task, "cc_s")]
+        assert yaml.safe_load(blocks[f"Settings of {words}, CC-S"]) == config.to_values()
+    assert json.loads(blocks["Versions"]) == versions()
+
+
+def test_what_was_calibrated_is_said_where_it_was(page):
+    words = "C4 to C14 are tests of that choice"
+    assert words in page(Study(seeds=2)).text("p")
+    assert words not in page(Study(seeds=2, profile="released")).text("p")
+    assert "profile released, 2 seeds each" in page(Study(seeds=2, profile="released")).text("p")
+    assert "profile" not in page(Study(algo="ppo", seeds=2)).text("p", class_="faint").splitlines()[0]
