@@ -1,9 +1,7 @@
-"""Figures as files and as parts of pages; the same figure gives the same bytes."""
+"""Figures as files, the same figure with the same bytes, and as arrays."""
 
 from __future__ import annotations
 
-import base64
-import io
 from pathlib import Path
 
 import numpy as np
@@ -39,13 +37,6 @@ def save(figure: Figure, path: Path) -> tuple[Path, Path]:
     except OSError as error:
         raise UserError(f"Cannot write the figure {path}: {error.strerror}. Choose another folder.") from None
     return png, pdf
-
-
-def as_png_data_uri(figure: Figure) -> str:
-    """``figure`` as the address of a picture that an HTML page contains."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata=_PNG_METADATA)
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
 
 
 def as_array(figure: Figure) -> np.ndarray:
