@@ -172,12 +172,12 @@ def render(
 def reproduce(
     algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo.")] = "bptt",
     profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
-    seeds: Annotated[int | None, typer.Option(help="Of each model.", show_default="10; 3 if quick")] = None,
+    seeds: Annotated[int | None, typer.Option(help="Networks of each model.", show_default="10; 3 if quick")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A preview: 3 seeds, short trainings.")] = False,
     jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
     ray: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (bilateral-rl[ray])."),
+        typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray)."),
     ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
@@ -207,7 +207,7 @@ def sweep(
     trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
     jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
     ray: Annotated[
-        str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster.")
+        str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the sweep.", show_default="runs/sweep")] = None,
 ) -> None:

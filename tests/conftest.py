@@ -1,3 +1,5 @@
+import signal
+
 import pytest
 import torch
 
@@ -6,3 +8,9 @@ import torch
 def one_torch_thread():
     """Networks this small only lose time to threads, on a busy machine most of it."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def sigint_interrupts():
+    """As in a program of one's own; pytest-xdist's workers ignore it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)

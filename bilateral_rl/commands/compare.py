@@ -16,7 +16,7 @@ from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferre
 from bilateral_rl.analysis.results import COLUMNS, INTACT, read_results
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
 from bilateral_rl.commands.lesion import RESULTS, default_place
-from bilateral_rl.commands.writing import write
+from bilateral_rl.commands.writing import apart_from, write
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.controllers import load_policies, parse_run, seeds_of
 from bilateral_rl.errors import UserError
@@ -49,6 +49,7 @@ def compare_runs(
     """Compare several runs' models, or the lesions of one, seeds as the unit."""
     if trials < 1 or seed < 0:
         raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    console = apart_from(console, csv)
     chosen = [_Chosen(folder, only, folder.config()) for folder, only in map(parse_run, runs)]
     tasks = {one.config.task for one in chosen}
     if len(tasks) > 1:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from bilateral_rl.commands.writing import finite, write
+from bilateral_rl.commands.writing import apart_from, finite, write
 from bilateral_rl.controllers import load_policies, parse_run
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord, summaries
@@ -29,6 +29,7 @@ def evaluate(
     """Test a run's policies, or one of them, and print, and perhaps write, their measures."""
     if trials < 1 or seed < 0:
         raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    console = apart_from(console, csv, json_file)
     folder, only = parse_run(run)
     config = folder.config()
     evaluator = Evaluator(config.task, config.trial, trials, seed)

@@ -27,8 +27,9 @@ from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
 from bilateral_rl.run_folder import RunFolder, replacing
+from bilateral_rl.settings import plain
 
-RESULTS = "lesions.csv"
+RESULTS, SETTINGS = "lesions.csv", "settings.json"
 _CONDITIONS = {False: "without retraining", True: "retrained"}
 _SHOWN = ("final_error",)
 """Metrics on the screen, beside the task's preferred one."""
@@ -52,14 +53,14 @@ def lesion(
     settings = LesionSettings(tuple(lesions) if lesions else None, retrain, profile, trials, seed)
     study = LesionStudy(folder, settings, only, weights)
     place = out or default_place(folder, only)
-    _check_place(place, folder)
+    asked = plain({"run": str(folder.path.resolve()), "weights": weights, **dataclasses.asdict(settings)})
+    _check_place(place, folder, asked)
     results = _with_progress(study, console)
     title = escape(f"{run} ({weights}), {trials} trials of seed {seed}")
     console.print(f"[italic]{title}", soft_wrap=True, highlight=False)
     console.print(_table(results, study))
     if index := _specialization(results, study):
         console.print(index, highlight=False)
-    asked = {"run": str(folder.path), "weights": weights, **dataclasses.asdict(settings)}
     _write(results, study.config, place, asked)
     shown = escape(shlex.quote(str(place)))
     console.print(
@@ -79,7 +80,7 @@ def in_words(lesion: str) -> str:
     return lesion.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")
 
 
-def _check_place(place: Path, folder: RunFolder) -> None:
+def _check_place(place: Path, folder: RunFolder, asked: Mapping[str, Any]) -> None:
     """Raise a UserError where other files could be harmed or none be written."""
     if place.resolve().is_relative_to(folder.path.resolve()):
         raise UserError(f"{place} lies in the run, which stays as it is; choose another --out.")
@@ -87,6 +88,8 @@ def _check_place(place: Path, folder: RunFolder) -> None:
         place.mkdir(parents=True, exist_ok=True)
         if any(place.iterdir()) and not (place / RESULTS).is_file():
             raise UserError(f"{place} holds other things than an earlier {RESULTS}; choose another --out.")
+        if RunFolder(place).read_json(SETTINGS, default=asked) != asked:
+            raise UserError(f"{place} holds lesions made with other settings; choose another --out, or remove it.")
         with tempfile.TemporaryFile(dir=place):
             pass
     except OSError as error:
@@ -160,7 +163,7 @@ def _write(results: pd.DataFrame, config: TrainConfig, place: Path, asked: Mappi
             old.unlink()
     with replacing(place / RESULTS) as temporary:
         results.to_csv(temporary, index=False)
-    with replacing(place / "settings.json") as temporary:
+    with replacing(place / SETTINGS) as temporary:
         temporary.write_text(json.dumps(asked, indent=2) + "\n", encoding="utf-8")
     for metric in _metrics(config):
         save(lesion_effects(results, config.task, metric, [config.model]), place / f"lesions_{metric.name}")

@@ -56,6 +56,8 @@ def reproduce(
     leave_if_interrupted(outcomes, console)
     claims = _conclude(study, folder, outcomes, console)
     console.print(_verdicts(claims))
+    if quick:
+        console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
     minutes = (time.monotonic() - began) / 60
     console.print(f"{counts_of(claims)} {minutes:.1f} minutes.", highlight=False)
     for outcome in outcomes:

@@ -7,8 +7,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from bilateral_rl.errors import UserError
 from bilateral_rl.run_folder import replacing
+
+
+def apart_from(console: Console, *paths: Path | None) -> Console:
+    """Where to print for people: not among data that go to the terminal, so that these can be piped on."""
+    return Console(stderr=True) if any(str(path) == "-" for path in paths) else console
 
 
 def write(path: Path, text: str) -> None:

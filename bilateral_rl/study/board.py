@@ -33,6 +33,9 @@ class Board:
     def on_end(self, outcome: JobOutcome) -> None:
         """It runs no more."""
 
+    def on_interrupt(self) -> None:
+        """Somebody asked to stop; running jobs save."""
+
     def tick(self) -> None:
         """Some time has passed."""
 
@@ -159,6 +162,11 @@ class ConsoleBoard(Board):
         line = f"{outcome.job.name} {outcome.state} after {duration(outcome.seconds)}"
         self._say(f"{line}: {outcome.error} ({outcome.log})" if outcome.error else line)
         self.tick()
+
+    def on_interrupt(self) -> None:
+        self._bars.console.print(
+            "Stopping: running jobs save what they have. Ctrl-C again kills them.", highlight=False
+        )
 
     def tick(self) -> None:
         self._bars.update(self._whole, completed=self._tally.fraction(), text=self._where())

@@ -117,9 +117,16 @@ def _of_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> I
         caption = f"{label}: what each hemisphere contributes."
         yield Drawing(f"hemispheres_{task}", caption, hemisphere_activity(sides, step, title))
     for model, one in shown.items():
-        reach = sum(one.record.arm.link_length)
-        caption = f"{label}: hand paths of {model_label(model)}."
-        yield Drawing(f"paths_{task}_{model}", caption, hand_paths(one.record, radius, reach))
+        caption = f"{label}: hand paths of {model_label(model)}, from the dot to the disc."
+        yield Drawing(f"paths_{task}_{model}", caption, _paths(one.record, radius, model))
+
+
+def _paths(record: TrialRecord, radius: float, model: str) -> Figure:
+    """Hand paths under the model's name."""
+    figure = hand_paths(record, radius, sum(record.arm.link_length))
+    (axes,) = figure.axes
+    axes.set_title(f"{model_label(model)}: {axes.get_title()}", fontsize=10)
+    return figure
 
 
 def _curves(label: str, task: str, runs: Mapping[str, list[RunFolder]]) -> Drawing:

@@ -58,6 +58,8 @@ class _Processes:
                 while not stop.requested and (self._waiting or self._running):
                     self._start(n)
                     self._look(interrupted=False)
+                if stop.requested:
+                    self._board.on_interrupt()
                 for process in self._running:
                     process.interrupt()
                 while self._running:

@@ -13,7 +13,8 @@ from typing import Any
 import jinja2
 import yaml
 
-from bilateral_rl.claims import Claim
+from bilateral_rl.analysis.metrics import metrics_of
+from bilateral_rl.claims import Claim, margins
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.run_folder import replacing, versions
@@ -26,8 +27,22 @@ _RULE = (
     "A claim is supported if all its parts are, not supported if any is not, otherwise undecided. A part with a "
     "direction is supported if the difference is significant (adjusted p < 0.05), and not supported if it is "
     "significantly the other way or its interval leaves no room for a difference that matters. A part with a size is "
-    "supported if the 95 % interval lies within the range, not supported if it lies outside. Seeds are the unit."
+    "supported if the 95 % interval lies within the range, not supported if it lies outside. Seeds are the unit. "
+    "What the paper's words leave open, we set before the claims were computed: a difference matters from "
+    f"{100 * margins.SMALLEST_EFFECT:g} % of the means on; completion agrees within "
+    f"{margins.COMPLETION_TOLERANCE:g} points; about 95 % is {margins.COMPLETES:g} % or more; little, or about as, is "
+    f"within {100 * margins.LITTLE:g} %; almost fully is {100 * margins.RECOVERED:g} % or more, a lot "
+    f"{100 * margins.DROPPED:g} % or less of the intact network; at least as good is {100 * margins.NOT_WORSE:g} % or "
+    "more; other effects agree within half their size."
 )
+_LESIONS = (
+    "Lesions: shallow – a side's input is zero, its biases still flow; deep – a side contributes nothing to the "
+    "output, but still sends over the callosum; callosum – no exchange between the sides. What a hemisphere does alone "
+    "is what the network does after a deep lesion of the other one. Retrained: the output layer alone was trained for "
+    "one epoch after the lesion, as in the paper."
+)
+_CALIBRATED = ("C1", "C2", "C3")
+"""Claims for which settings were chosen, in the calibrated study."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +90,10 @@ def _values(findings: Findings) -> dict[str, Any]:
         "preview": f"{study.seeds} seeds, short trainings and few test trials" if study.quick else "",
         "counts": counts_of(findings.claims),
         "claims": findings.claims,
+        "calibrated": _CALIBRATED if _is_calibrated(study) else (),
         "rule": _RULE,
+        "lesions": _LESIONS,
+        "metrics": list({m.name: m for task in RADII for m in metrics_of(task, [RADII[task]])}.values()),
         "tables": findings.tables,
         **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
@@ -83,6 +101,11 @@ def _values(findings: Findings) -> dict[str, Any]:
         "setup": _setup(study),
         "blocks": _blocks(findings),
     }
+
+
+def _is_calibrated(study: Study) -> bool:
+    """Whether what the paper leaves open was chosen for some of its claims."""
+    return (study.algo, study.profile) == ("bptt", "paper")
 
 
 def _subtitle(study: Study) -> str:
@@ -136,7 +159,7 @@ def _jobs_summary(outcomes: Sequence[JobOutcome]) -> str:
 
 
 def _setup(study: Study) -> str:
-    if (study.algo, study.profile) != ("bptt", "paper"):
+    if not _is_calibrated(study):
         return "Every setting of every training is in config.yaml of its run, below the folder runs."
     return (
         "What the paper leaves open, the kind and strength of the weight penalty and the radii of the goals, was "

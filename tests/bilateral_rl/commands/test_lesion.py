@@ -204,13 +204,19 @@ def test_without_retraining_nothing_is_said_of_it(call, trained, undrawn, tmp_pa
 def test_a_second_call_replaces_what_the_first_one_left(call, trained, undrawn, tmp_path):
     assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
     (tmp_path / PLACE / "lesions_of_before.png").touch()
-    assert call("lesion", RUN, "--no-retrain", "--trials", 4, "--lesion", "callosum")[0] == 0
+    assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
     left = sorted(path.name for path in (tmp_path / PLACE).iterdir())
     assert len(left) == 3
-    assert json.loads((tmp_path / PLACE / "settings.json").read_text())["lesions"] == ["callosum"]
     assert left[0].startswith("events.out.tfevents.")
-    assert set(read_results(tmp_path / PLACE / "lesions.csv")["lesion"]) == {"intact", "callosum"}
-    assert {tag.split("/")[1] for tag in scalars(tmp_path / PLACE)} == {"intact", "callosum"}
+
+
+def test_results_of_other_settings_are_not_replaced(call, trained, undrawn, tmp_path):
+    assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
+    before = (tmp_path / PLACE / "lesions.csv").read_bytes()
+    code, _, err = call("lesion", RUN, "--no-retrain", "--trials", 4, "--lesion", "callosum")
+    assert code == 2
+    assert "other settings" in err
+    assert (tmp_path / PLACE / "lesions.csv").read_bytes() == before
 
 
 def test_the_seeds_of_a_run_have_places_of_their_own(call, trained, undrawn, tmp_path):

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
+from bilateral_rl import cli
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.cli import app
 from bilateral_rl.commands import sweep as command
@@ -32,7 +34,7 @@ def toy_models(monkeypatch):
 def call(tmp_path, monkeypatch):
     """Calls ``bilateral-rl`` in an empty folder; its exit code and what it printed. Errors are raised."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(cli, "console", Console(width=200))
 
     def run(*arguments):
         result = CliRunner().invoke(app, [str(argument) for argument in arguments])

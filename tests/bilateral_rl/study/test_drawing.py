@@ -74,7 +74,7 @@ def test_runs_show_how_they_learned_and_what_their_first_seed_does(bptt_run):
     names = ["learning", "speed", "muscles", "hemispheres", "paths"]
     drawings = draw(empty, {"random_reach": {"cc_s": [bptt_run]}})
     assert [name.split("_")[0] for name in drawings] == names
-    assert drawings["paths_random_reach_cc_s"].caption == "Random reach: hand paths of CC-S."
+    assert drawings["paths_random_reach_cc_s"].caption == "Random reach: hand paths of CC-S, from the dot to the disc."
 
 
 def test_a_run_without_hemispheres_shows_none(small_bptt, tmp_path):
