@@ -127,6 +127,12 @@ def test_evaluate_tests_one_seed_if_it_is_named(call, trained, tmp_path):
     assert tables[1]["by_threshold_m"] == tables[1]["by_seed"]["1"]
 
 
+def test_data_for_the_terminal_are_apart_from_what_people_read(call, bptt_run):
+    _, out, err = call("evaluate", bptt_run.path, "--trials", 4, "--json", "-")
+    assert set(json.loads(out)["by_seed"]) == {"0", "1", "2"}
+    assert "goal completion" in err
+
+
 def test_evaluate_tests_the_best_weights_if_asked(call, trained, tmp_path):
     for weights in ("final", "best"):
         code, *_ = call("evaluate", RUN, "--trials", 16, "--weights", weights, "--csv", f"{weights}.csv")

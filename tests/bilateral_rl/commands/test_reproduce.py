@@ -82,6 +82,7 @@ def test_a_training_that_fails_stops_nothing_and_is_tried_again(call, prepared, 
     assert "Report: study/report.html" in out
     page = (tmp_path / "study" / "report.html").read_text()
     assert "Preview: 3 seeds" in page
+    assert "No verdict here is a result" in out
     assert "&lt;b&gt;no uni_ndl&lt;/b&gt; &amp; nothing else" in page
     assert "&lt;script&gt;alert(&#39;uni_ndl&#39;)" in page  # of its log
     assert "<script" not in page

@@ -91,6 +91,13 @@ def test_a_job_that_starts_once_more_begins_anew(jobs):
     assert tally.fraction() == 0.0
 
 
+def test_a_request_to_stop_is_answered_at_once(jobs, lines, paper):
+    with lines as board:
+        board.begin(jobs, set())
+        board.on_interrupt()
+        assert "Ctrl-C again kills" in paper.getvalue()
+
+
 def test_without_a_terminal_there_is_a_line_a_job_and_one_in_half_a_minute(jobs, lines, paper, clock):
     a, b, _c = jobs
     with lines as board:

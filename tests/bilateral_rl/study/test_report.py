@@ -10,7 +10,7 @@ import yaml
 from PIL import Image
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.claims import Claim, Component
+from bilateral_rl.claims import Claim, Component, margins
 from bilateral_rl.run_folder import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
@@ -119,6 +119,21 @@ def test_every_claim_stands_with_its_statement_parts_numbers_and_verdict(page):
             assert expected in text
         verdicts = [part.verdict for part in (claim, *parts)]
         assert badges(shown, claim.number) == [(v, f"verdict {v.replace(' ', '-')}") for v in verdicts]
+
+
+def test_what_was_chosen_for_some_claims_is_said_with_the_verdicts(page):
+    words = "C1, C2, C3 are no tests"
+    assert words in page().text("p")
+    assert words not in page(Study(seeds=2, profile="released")).text("p")
+
+
+def test_margins_lesions_and_metrics_are_explained(page):
+    shown = page()
+    assert f"{margins.COMPLETES:g} % or more" in shown.text("p")
+    assert "a side's input is zero" in shown.text("p")
+    terms = shown.text("dt").splitlines()
+    assert "Effort (s)" in terms
+    assert len(terms) == len(set(terms)) == len(shown.text("dd").splitlines())
 
 
 def test_all_verdicts_stand_first_and_lead_to_their_claims(page):
