@@ -5,6 +5,7 @@ Source: Efron 1987, doi:10.1080/01621459.1987.10478410. SciPy resamples.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -55,8 +56,12 @@ def _interval(samples: tuple[Float, ...], statistic: Callable[..., Any], paired:
         return Interval(value, _NAN, _NAN, n, note)
     if not any(has_spread(sample) for sample in samples):
         return Interval(value, value, value, n, note)
-    result = stats.bootstrap(
-        samples, statistic, paired=paired, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, rng=SEED
-    )
-    low, high = result.confidence_interval
-    return Interval(value, float(low), float(high), n, note)
+    with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
+        warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # of resamples that all give the same
+        result = stats.bootstrap(
+            samples, statistic, paired=paired, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, rng=SEED
+        )
+    low, high = map(float, result.confidence_interval)
+    if np.isnan([low, high]).any():
+        return Interval(value, _NAN, _NAN, n, join_notes(note, "all resamples are equal: no interval"))
+    return Interval(value, low, high, n, note)

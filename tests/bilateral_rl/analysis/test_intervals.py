@@ -168,6 +168,14 @@ def test_any_input_has_a_defined_result(interval, paired, a, b):
     assert result.note or result.n >= 5
 
 
+def test_a_ratio_that_no_resample_changes_has_no_bootstrap_interval():
+    for a, paired in (([0.0, 0.0], False), ([2.0, 4.0], True)):
+        result = bootstrap_ratio(a, [1.0, 2.0], paired)
+        assert result.value == a[1] / 2
+        assert all(np.isnan(bounds(result)))
+        assert "no interval" in result.note
+
+
 @pytest.mark.parametrize("paired", [False, True])
 def test_where_all_values_are_equal_the_interval_is_the_estimate(paired):
     for interval, value in ((difference_interval, 50.0), (ratio_interval, 2.0), (bootstrap_difference, 50.0)):
