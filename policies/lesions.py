@@ -59,3 +59,8 @@ def find_lesion(name: str, lesions: dict[str, Lesion] = LESIONS) -> Lesion:
     if name not in lesions:
         raise ValueError(f"unknown lesion {name!r}; choose from {', '.join(['intact', *lesions])}.")
     return lesions[name]
+
+
+def lesion_words(name: str) -> str:
+    """The name of a lesion, or "intact", as people read it: ``callosum, deep non-dominant``."""
+    return name.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")

@@ -109,7 +109,8 @@ class UnilateralNetwork(MotorNetwork):
         h = observation
         for layer in self.hidden:
             h = torch.tanh(layer(h))
-        return self.output(h)  # type: ignore[no-any-return]
+        output: Tensor = self.output(h)
+        return output
 
     def group_of(self, name: str) -> str:
         return "shared"
@@ -141,7 +142,8 @@ class BilateralNetwork(MotorNetwork):
             combined = combined + self.combination_dominant * d
         if self.lesion.output_of != "non_dominant":
             combined = combined + self.combination_non_dominant * n
-        return self.output(combined)  # type: ignore[no-any-return]
+        output: Tensor = self.output(combined)
+        return output
 
     def hemispheres(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """(…, n_inputs) to the last hidden layers of the dominant and the non-dominant side, (…, units / 2) each."""

@@ -79,7 +79,7 @@ class LesionStudy:
         self._layout = Layout(build_network(self.config))
         self._retraining = self._make_retraining() if settings.retrain else None
         self._evaluator = Evaluator(self.config.task, self.config.trial, settings.trials, settings.seed)
-        self._metrics = metrics_of(self.config.task, sorted({*THRESHOLDS, self.config.trial.threshold}))
+        self._metrics = measured_metrics(self.config)
 
     def run(self, on_state: OnState = lambda done, total, name: None) -> pd.DataFrame:
         """The long table of results (:mod:`bilateral_rl.analysis.results`)."""
@@ -139,6 +139,11 @@ class LesionStudy:
         if own.trials < own.batch_size:
             raise UserError(f"An epoch of {own.trials} trials is less than one batch of {own.batch_size}.")
         return Retraining(self._layout, config.task, config.trial, own, penalty, coefficient, self.settings.threads)
+
+
+def measured_metrics(config: TrainConfig) -> list[Metric]:
+    """What the results of a run hold: at the radii of every study and at the run's own."""
+    return metrics_of(config.task, sorted({*THRESHOLDS, config.trial.threshold}))
 
 
 def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis import kinematics, smoothness
 from bilateral_rl.catalogue import check_choice
-from bilateral_rl.envs.measures import TrialMeasures, trial_measures
+from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import TrialRecord
@@ -51,7 +51,7 @@ def metrics_of(task: str, thresholds: Sequence[float]) -> list[Metric]:
     Raises UserError for a task that there is not.
     """
     check_choice("task", task, TASKS)
-    of_goals = [make(radius) for make in _OF_GOALS.values() for radius in dict.fromkeys(thresholds)]
+    of_goals = [metric.at(radius) for metric in _OF_GOALS.values() for radius in dict.fromkeys(thresholds)]
     return [metric for metric in (*of_goals, *_OF_TRIALS.values()) if task in metric.tasks]
 
 
@@ -61,7 +61,7 @@ def find_metric(name: str) -> Metric:
         return _OF_TRIALS[name]
     of_goal = re.fullmatch(r"(\w+)_(\d+(?:\.\d+)?)cm", name)
     if of_goal and of_goal[1] in _OF_GOALS and float(of_goal[2]) > 0:
-        return _OF_GOALS[of_goal[1]](float(of_goal[2]) / 100)
+        return _OF_GOALS[of_goal[1]].at(float(of_goal[2]) / 100)
     with_radius = ", ".join(f"{start}_<radius>cm" for start in _OF_GOALS)
     raise UserError(
         f"Unknown metric {name!r}; choose from {', '.join(_OF_TRIALS)}, or with the goal's radius, as in "
@@ -111,54 +111,41 @@ def _mean(values: ArrayLike, scale: float = 1.0) -> float:
     return scale * float(numbers.mean()) if len(numbers) else float("nan")
 
 
-def _measures(record: TrialRecord, radius: float) -> TrialMeasures:
-    return trial_measures(record.distance, record.start_distance, radius)
+@dataclass(frozen=True)
+class _GoalMetric:
+    """A field of :class:`~bilateral_rl.envs.measures.TrialMeasures`, averaged: a metric at each radius of the goal."""
+
+    field: str
+    label: str
+    unit: str
+    scale: float
+    tasks: tuple[str, ...]
+    definition: str
+
+    def at(self, radius: float) -> Metric:
+        """The metric at a goal of ``radius`` (m)."""
+
+        def value(record: TrialRecord) -> float:
+            measures = trial_measures(record.distance, record.start_distance, radius)
+            return _mean(getattr(measures, self.field), self.scale)
+
+        name, label = f"{self.field}_{threshold_name(radius)}", f"{self.label} {100 * radius:.6g} cm"
+        return Metric(name, label, self.unit, self.tasks, "higher", self.definition, value)
 
 
-def _goal_completion(radius: float) -> Metric:
-    return Metric(
-        name=f"goal_completion_{threshold_name(radius)}",
-        label=f"Goal completion within {100 * radius:.6g} cm",
-        unit="%",
-        tasks=_REACH,
-        better="higher",
-        definition="Share of trials whose hand comes within the goal's radius of the target and stays for three "
-        "consecutive steps (paper section 3).",
-        value=lambda record: _mean(_measures(record, radius).goal_completion, 100),
-    )
-
-
-def _speed_to_goal(radius: float) -> Metric:
-    return Metric(
-        name=f"speed_to_goal_{threshold_name(radius)}",
-        label=f"Speed to goal of {100 * radius:.6g} cm",
-        unit="cm/step",
-        tasks=_REACH,
-        better="higher",
-        definition="Distance from start to target over the steps until the goal is reached, in the trials that "
-        "complete it (paper section 3).",
-        value=lambda record: _mean(_measures(record, radius).speed_to_goal, 100),
-    )
-
-
-def _time_in_goal(radius: float) -> Metric:
-    return Metric(
-        name=f"time_in_goal_{threshold_name(radius)}",
-        label=f"Time within {100 * radius:.6g} cm",
-        unit="steps",
-        tasks=_BOTH,
-        better="higher",
-        definition="Steps after which the hand is within the goal's radius of the target (paper section 3).",
-        value=lambda record: _mean(_measures(record, radius).time_in_goal),
-    )
-
-
-_OF_GOALS: dict[str, Callable[[float], Metric]] = {
-    "goal_completion": _goal_completion,
-    "speed_to_goal": _speed_to_goal,
-    "time_in_goal": _time_in_goal,
-}
-"""By the start of their names, from a goal's radius (m)."""
+# fmt: off
+_OF_GOALS: dict[str, _GoalMetric] = {metric.field: metric for metric in (
+    _GoalMetric("goal_completion", "Goal completion within", "%", 100, _REACH,
+                "Share of trials whose hand comes within the goal's radius of the target and stays for three "
+                "consecutive steps (paper section 3)."),
+    _GoalMetric("speed_to_goal", "Speed to goal of", "cm/step", 100, _REACH,
+                "Distance from start to target over the steps until the goal is reached, in the trials that complete "
+                "it (paper section 3)."),
+    _GoalMetric("time_in_goal", "Time within", "steps", 1, _BOTH,
+                "Steps after which the hand is within the goal's radius of the target (paper section 3)."),
+)}
+# fmt: on
+"""By the start of their names."""
 
 
 def _speed(record: TrialRecord) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from bilateral_rl.analysis.statistics import PairTest, games_howell, tukey_hsd
 from bilateral_rl.catalogue import MODELS
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.errors import UserError
-from bilateral_rl.policies.lesions import Side
+from bilateral_rl.policies.lesions import Side, lesion_words
 
 OTHER: dict[Side, Side] = {"dominant": "non_dominant", "non_dominant": "dominant"}
 _NUMBER = {model: number for number, model in enumerate(MODELS)}
@@ -104,11 +104,13 @@ class Evidence:
 
     def lesioned(self, measure: Measure, model: str, lesion: str, retrained: bool) -> Sample:
         """The network after a lesion."""
-        return self._sample(f"{model} with {_words(lesion)} lesion", measure, model, lesion, retrained)
+        return self._sample(f"{model} with {lesion_words(lesion)} lesion", measure, model, lesion, retrained)
 
     def hemisphere(self, measure: Measure, model: str, side: Side, retrained: bool) -> Sample:
         """What ``side`` does alone: the network after a deep lesion of the other side."""
-        return self._sample(f"{_words(side)} hemisphere of {model}", measure, model, f"deep_{OTHER[side]}", retrained)
+        return self._sample(
+            f"{side.replace('_', '-')} hemisphere of {model}", measure, model, f"deep_{OTHER[side]}", retrained
+        )
 
     def post_hoc(self, measure: Measure, first: str, second: str) -> tuple[PairTest, PairTest]:
         """Games–Howell and Tukey's HSD of two intact models, in the family of the models there are."""
@@ -124,7 +126,3 @@ class Evidence:
         if key not in self._values:
             self._values[key] = values_by_seed(self._results, *key)
         return Sample(name, model, measure, self._values[key])
-
-
-def _words(name: str) -> str:
-    return name.replace("non_dominant", "non-dominant").replace("_", " ")

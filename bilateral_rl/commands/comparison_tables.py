@@ -11,11 +11,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from bilateral_rl.analysis.comparison import Comparison, ModelComparison
+from bilateral_rl.analysis.formats import p_text
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.samples import FEW_SEEDS
 from bilateral_rl.analysis.statistics import OmnibusTest
-from bilateral_rl.commands.lesion import in_words
 from bilateral_rl.figures.labels import with_unit
+from bilateral_rl.policies.lesions import lesion_words
 
 _TESTS = {"p_tukey": "Tukey", "p_games_howell": "Games–Howell", "p_holm": "p"}
 """Heads of the columns of ``pairs``."""
@@ -84,7 +85,7 @@ def _pairs_table(comparison: Comparison, decimals: int) -> Table:
             difference = (
                 f"{_number(pair['difference'], decimals, '+')} {_interval(pair['low'], pair['high'], decimals)}"
             )
-            tests = (_p(pair[name]) for name in shown)
+            tests = (p_text(pair[name]) for name in shown)
             table.add_row(escape(_name(comparison, pair["second"])), difference, _number(pair["g"], 2, "+"), *tests)
     return table
 
@@ -108,7 +109,7 @@ def _notes(comparison: Comparison) -> Iterator[str]:
 
 def _name(comparison: Comparison, group: object) -> str:
     """Models are printed as they are typed."""
-    return str(group) if isinstance(comparison, ModelComparison) else in_words(str(group))
+    return str(group) if isinstance(comparison, ModelComparison) else lesion_words(str(group))
 
 
 def _decimals(groups: pd.DataFrame) -> int:
@@ -126,9 +127,3 @@ def _interval(low: float, high: float, decimals: int) -> str:
 
 def _number(value: float, decimals: int, sign: str = "") -> str:
     return "–" if math.isnan(value) else f"{value:{sign}z.{decimals}f}"
-
-
-def _p(p: float) -> str:
-    if math.isnan(p):
-        return "–"
-    return "<0.001" if p < 0.001 else f"{p:.3f}"

@@ -26,6 +26,7 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
+from bilateral_rl.policies.lesions import lesion_words
 from bilateral_rl.run_folder import RunFolder, replacing
 from bilateral_rl.settings import plain
 
@@ -75,11 +76,6 @@ def default_place(folder: RunFolder, only: int | None) -> Path:
     return path.with_name(f"{path.name}{seed}-lesions")
 
 
-def in_words(lesion: str) -> str:
-    """A lesion's name as people read it."""
-    return lesion.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")
-
-
 def _check_place(place: Path, folder: RunFolder, asked: Mapping[str, Any]) -> None:
     """Raise a UserError where other files could be harmed or none be written."""
     if place.resolve().is_relative_to(folder.path.resolve()):
@@ -101,7 +97,7 @@ def _with_progress(study: LesionStudy, console: Console) -> pd.DataFrame:
         task = progress.add_task("lesioning", total=len(study.names))
 
         def on_state(done: int, total: int, name: str) -> None:
-            progress.update(task, completed=done, description=in_words(name) or "done")
+            progress.update(task, completed=done, description=lesion_words(name) or "done")
 
         return study.run(on_state)
 
@@ -120,7 +116,7 @@ def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
         table.add_row(f"[bold]{with_unit(metric)}")
         for name in study.names:
             values = [_values(results, study, metric, name, retrained) for retrained in _conditions(study)]
-            table.add_row(in_words(name), *(_spread(one, ".1f") for one in values))
+            table.add_row(lesion_words(name), *(_spread(one, ".1f") for one in values))
     if (seeds := results["seed"].nunique()) > 1:
         table.caption = f"mean ± standard deviation over {seeds} seeds"
     return table

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from bilateral_rl import settings
 from bilateral_rl.claims import Claim
+from bilateral_rl.claims.margins import PAPER_SEEDS
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
 from bilateral_rl.study.board import ConsoleBoard
 from bilateral_rl.study.folder import claim_folder
@@ -23,7 +24,6 @@ from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
 from bilateral_rl.study.report import counts_of
 from bilateral_rl.study.reproduction import REPORT, conclude
 
-PAPER_SEEDS = 10
 _STYLES = {"supported": "green", "not supported": "red", "undecided": "yellow"}
 
 

@@ -12,14 +12,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from bilateral_rl import settings
+from bilateral_rl.analysis.formats import spread
+from bilateral_rl.analysis.lesioning import measured_metrics
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
 from bilateral_rl.errors import UserError
+from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.run_folder import replacing
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import JobState
 from bilateral_rl.study.plan import side_by_side
-from bilateral_rl.study.sweep import Sweep, measured_metrics, parse_grid, point_name, read_sweep
+from bilateral_rl.study.sweep import Sweep, parse_grid, point_name, read_sweep
 
 
 def sweep(
@@ -70,12 +73,12 @@ def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Ta
     shown = list(metrics) or _preferred(study)
     table = Table(*(name.rpartition(".")[2] for name in study.grid), title="Sweep", title_justify="left")
     for metric in shown:
-        table.add_column(f"{metric.label} ({metric.unit})" if metric.unit else metric.label, justify="right")
+        table.add_column(with_unit(metric), justify="right")
     table.add_column("seeds", justify="right")
     for point in study.points():
         rows = results[results["point"] == point_name(point)]
         if len(rows):
-            cells = [_spread(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
+            cells = [spread(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
             table.add_row(*map(escape, point.values()), *cells, str(rows["seed"].nunique()))
     return table
 
@@ -86,9 +89,3 @@ def _preferred(study: Sweep) -> list[Metric]:
         config = study.config(point)
         names[preferred_metric(config.task, config.trial.threshold)] = None
     return [find_metric(name) for name in [*names, "final_error"]]
-
-
-def _spread(values: pd.Series) -> str:
-    if values.dropna().empty:
-        return "–"
-    return f"{values.mean():.4g} ± {values.std(ddof=1):.2g}" if len(values) > 1 else f"{values.mean():.4g}"

@@ -6,6 +6,8 @@ import re
 import textwrap
 from typing import Protocol
 
+from bilateral_rl.policies.lesions import lesion_words
+
 _PREFIXES = {"uni": "Uni", "bi": "Bi", "cc": "CC"}
 _AXIS_CHARACTERS = 20
 """Of a line of an axis label: as many as fit beside the lowest panel."""
@@ -53,5 +55,4 @@ def task_label(name: str) -> str:
 
 def lesion_label(name: str) -> str:
     """A lesion in words, in short lines."""
-    words = name.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")
-    return textwrap.fill(words, _LESION_CHARACTERS, break_long_words=False)
+    return textwrap.fill(lesion_words(name), _LESION_CHARACTERS, break_long_words=False)

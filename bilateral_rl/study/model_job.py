@@ -11,6 +11,7 @@ from bilateral_rl import training
 from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.config import BPTTConfig, TrainConfig
 from bilateral_rl.errors import UserError
+from bilateral_rl.policies.lesions import lesion_words
 from bilateral_rl.progress import FAILED, FINISHED, Outcome, Progress
 from bilateral_rl.reports import total_of
 from bilateral_rl.resolve import resolve
@@ -47,7 +48,7 @@ def train_and_measure(
 
     def on_state(done: int, total: int, name: str) -> None:
         share = _TRAINING_SHARE + (1 - _TRAINING_SHARE) * done / total
-        progress.update(share, f"testing: {name.replace('_', ' ')}" if name else "tested")
+        progress.update(share, f"testing: {lesion_words(name)}" if name else "tested")
 
     results = study.run(on_state)
     path = folder / result

@@ -12,8 +12,6 @@ from typing import Any
 
 import pandas as pd
 
-from bilateral_rl.analysis.lesioning import THRESHOLDS
-from bilateral_rl.analysis.metrics import Metric, metrics_of
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import resolve
@@ -109,11 +107,6 @@ def point_name(point: Mapping[str, str]) -> str:
 def result_file(point: Mapping[str, str]) -> str:
     """Where in the sweep's folder the results of a point lie."""
     return f"results/{point_name(point)}.csv"
-
-
-def measured_metrics(config: TrainConfig) -> list[Metric]:
-    """What the results of a training hold."""
-    return metrics_of(config.task, sorted({*THRESHOLDS, config.trial.threshold}))
 
 
 def read_sweep(sweep: Sweep, folder: Path) -> pd.DataFrame:

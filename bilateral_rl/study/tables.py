@@ -10,15 +10,16 @@ import numpy as np
 import pandas as pd
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by_seed
+from bilateral_rl.analysis.formats import number, p_text, spread
 from bilateral_rl.analysis.intervals import mean_interval
+from bilateral_rl.analysis.lesioning import THRESHOLDS
 from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import INTACT, by_seed
 from bilateral_rl.analysis.statistics import OmnibusTest, anova, welch_anova
 from bilateral_rl.catalogue import MODELS
-from bilateral_rl.figures.labels import model_label, task_label
-from bilateral_rl.policies.lesions import LESIONS
+from bilateral_rl.figures.labels import model_label, task_label, with_unit
+from bilateral_rl.policies.lesions import LESIONS, lesion_words
 
-_RADII = (0.01, 0.02, 0.03, 0.05)
 _SPREAD_NOTE = "Mean ± standard deviation over the seeds."
 _PAIRS_NOTE = (
     "Intervals by bootstrap (BCa), not adjusted and too narrow where seeds are few: of ten they cover nine times in "
@@ -72,9 +73,9 @@ def _models(results: pd.DataFrame, task: str) -> list[str]:
 
 def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
     there = set(results["metric"])
-    metrics = [metric for metric in metrics_of(task, _RADII) if metric.name in there]
+    metrics = [metric for metric in metrics_of(task, THRESHOLDS) if metric.name in there]
     rows = [
-        [_name(metric), *(_spread(by_seed(results, metric.name, task, model)) for model in models)]
+        [with_unit(metric), *(spread(by_seed(results, metric.name, task, model)) for model in models)]
         for metric in metrics
     ]
     columns = ["", *(model_label(model) for model in models)]
@@ -84,10 +85,10 @@ def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTab
 def _of_tests(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
     there = set(results["metric"])
     rows = []
-    for metric in metrics_of(task, _RADII):
+    for metric in metrics_of(task, THRESHOLDS):
         if metric.name in there:
             groups = [values_by_seed(results, metric.name, task, model) for model in models]
-            rows.append([_name(metric), *_omnibus(anova(groups)), *_omnibus(welch_anova(groups))])
+            rows.append([with_unit(metric), *_omnibus(anova(groups)), *_omnibus(welch_anova(groups))])
     columns = ["", "one-way ANOVA", "p", "Welch's ANOVA", "p"]
     return ReportTable(f"tests_{task}", f"{task_label(task)}: do the models differ at all?", columns, rows)
 
@@ -103,16 +104,16 @@ def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]
     rows = [
         [
             f"{model_label(pair['first'])} − {model_label(pair['second'])}",
-            _number(pair["difference"], "+.3g"),
-            f"{_number(pair['low'])} to {_number(pair['high'])}",
-            _number(pair["g"], "+.2f"),
+            number(pair["difference"], "+.3g"),
+            f"{number(pair['low'])} to {number(pair['high'])}",
+            number(pair["g"], "+.2f"),
             p_text(pair["p_games_howell"]),
             p_text(pair["p_tukey"]),
         ]
         for pair in pairs.to_dict("records")
     ]
     columns = ["", "difference", "95 % interval", "Hedges' g", "Games–Howell", "Tukey's HSD"]
-    title = f"{task_label(task)}: pairs of models by {_name(metric)}"
+    title = f"{task_label(task)}: pairs of models by {with_unit(metric)}"
     return ReportTable(f"pairs_{task}", title, columns, rows, _PAIRS_NOTE)
 
 
@@ -123,13 +124,13 @@ def _of_lesions(results: pd.DataFrame, task: str, metric: Metric, models: list[s
         columns += [model_label(model), "retrained", "p"]
         p_values[model] = _against_intact(results, metric, task, model)
     for state in (INTACT, *LESIONS):
-        row = [state.replace("non_dominant", "non-dominant").replace("_", " ")]
+        row = [lesion_words(state)]
         for model in models:
-            row += [_spread(by_seed(results, metric.name, task, model, state, again)) for again in (False, True)]
+            row += [spread(by_seed(results, metric.name, task, model, state, again)) for again in (False, True)]
             row.append(p_text(p_values[model].get(state, math.nan)))
         rows.append(row)
     note = f"{_SPREAD_NOTE} p: against the intact network, both retrained, paired t test, Holm over all pairs."
-    return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {_name(metric)}", columns, rows, note)
+    return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {with_unit(metric)}", columns, rows, note)
 
 
 def _against_intact(results: pd.DataFrame, metric: Metric, task: str, model: str) -> dict[str, float]:
@@ -152,31 +153,8 @@ def _of_specialization(results: pd.DataFrame, task: str, metric: Metric, models:
             ]
             dominant, non_dominant = pd.concat(sides, axis=1, join="inner").to_numpy(dtype=np.float64).T
             interval = mean_interval(specialization_index(dominant, non_dominant))
-            row.append(f"{_number(interval.value, '+.3f')} ({_number(interval.low)} to {_number(interval.high)})")
+            row.append(f"{number(interval.value, '+.3f')} ({number(interval.low)} to {number(interval.high)})")
         rows.append(row)
-    title = f"{task_label(task)}: specialization index, {_name(metric)}"
+    title = f"{task_label(task)}: specialization index, {with_unit(metric)}"
     columns = ["", "without retraining", "retrained"]
     return ReportTable(f"specialization_{task}", title, columns, rows, _INDEX_NOTE)
-
-
-def _name(metric: Metric) -> str:
-    return f"{metric.label} ({metric.unit})" if metric.unit else metric.label
-
-
-def _spread(values: pd.Series) -> str:
-    numbers = values.dropna()
-    if numbers.empty:
-        return "–"
-    mean = f"{numbers.mean():.3g}" if abs(numbers.mean()) < 100 else f"{numbers.mean():.1f}"
-    return f"{mean} ± {numbers.std(ddof=1):.2g}" if len(numbers) > 1 else mean
-
-
-def _number(value: float, form: str = ".3g") -> str:
-    return "–" if math.isnan(value) else format(value, form)
-
-
-def p_text(p: float) -> str:
-    """A p-value in a table."""
-    if math.isnan(p):
-        return "–"
-    return "< 0.001" if p < 0.001 else f"{p:.3f}"

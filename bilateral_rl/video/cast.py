@@ -14,7 +14,7 @@ from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
+from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, lesion_words
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.video.film import Take
 
@@ -89,8 +89,7 @@ def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
         plain = [f"{label} ({actor.path.name})" for label, actor in zip(plain, actors, strict=True)]
     if lesion == INTACT:
         return plain
-    words = lesion.replace("non_dominant", "non-dominant").replace("_", " ")
-    return [f"{label} · lesion: {words}" for label in plain]
+    return [f"{label} · lesion: {lesion_words(lesion)}" for label in plain]
 
 
 def common_trials(actors: Sequence[Actor]) -> tuple[TrialSettings, list[str]]:

@@ -1,8 +1,11 @@
 import shutil
+import sys
 
 import pytest
 import torch
+from rich.console import Console
 
+from bilateral_rl import cli
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.bptt.trainer import Trainer, history_columns
@@ -104,3 +107,22 @@ def _same_bits(first, second) -> bool:
 def same_bits():
     """Whether two tensors, or dictionaries of them, are the same to the last bit, what is no number included."""
     return _same_bits
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """Calls the command in a folder of its own, on a terminal of 80 columns: its exit code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "console", Console(width=80))
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["bilateral-rl", *map(str, arguments)])
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = end.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import sys
 
 import numpy as np
 import pandas as pd
@@ -18,24 +17,6 @@ SMALL = [
     *("--set", "bptt.trials=32", "--set", "bptt.batch_size=16", "--set", "bptt.validation_trials=8"),
 ]
 RUN = "runs/random_reach/cc_s-bptt-1"
-
-
-@pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """Calls the command in a folder of its own: its exit code, output and errors."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["bilateral-rl", *map(str, arguments)])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            code = end.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

@@ -4,13 +4,16 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from torch.utils.tensorboard import SummaryWriter
 
+from bilateral_rl.bptt import training as bptt_training
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.rollout_arrays import RolloutSize
 from bilateral_rl.envs import Arm, ArmParameters
 from bilateral_rl.policies import make_network
 from bilateral_rl.policies.lesions import SIDES
+from bilateral_rl.training import train
 
 TRAJECTORIES = ("joint", "muscle", "hand", "excitation", "terms", "hidden", "observation")
 UPPER = torch.tensor([135.0, 155.0]).deg2rad()
@@ -174,3 +177,36 @@ def set_lesions():
 def trajectories():
     """Names of a rollout's trajectories."""
     return TRAJECTORIES
+
+
+@pytest.fixture
+def assert_same_end(same_bits):
+    """Asserts that two runs ended with the same bits, in everything that training reads and people see."""
+
+    def check(first, second):
+        for name in ("final", "best"):
+            assert same_bits(first.load_weights(name), second.load_weights(name)), name
+        assert same_bits(first.load_resume(), second.load_resume())
+        assert (first.path / "epochs.csv").read_bytes() == (second.path / "epochs.csv").read_bytes()
+        assert first.status() == second.status()
+
+    return check
+
+
+@pytest.fixture(scope="module")
+def longer(small_bptt):
+    """Three epochs of four updates of two seeds."""
+    return small_bptt(bptt={"trials": 64, "learning_rate": 0.02})
+
+
+@pytest.fixture(scope="module")
+def whole(longer, tmp_path_factory):
+    """That training in one go."""
+    return train(longer, tmp_path_factory.mktemp("whole")).folder
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Pictures take longer than these trainings; those of ``bptt_run`` are drawn before this."""
+    monkeypatch.setattr(bptt_training, "hand_paths", lambda *_: None)
+    monkeypatch.setattr(SummaryWriter, "add_figure", lambda *_, **__: None)

@@ -1,10 +1,11 @@
 import itertools
 import shutil
-import sys
+from pathlib import Path
 
 import pytest
 import torch
 from rich.console import Console
+from typer.testing import CliRunner
 
 from bilateral_rl import cli
 from bilateral_rl.commands import lesion
@@ -12,28 +13,33 @@ from bilateral_rl.controllers import build_network, build_policy, seeds_of, stac
 from bilateral_rl.resolve import resolve
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.settings import merge
+from bilateral_rl.study import plan, sweep
 
 SHORT = {"trial": {"trial_length": 10}}
 SHORT_BPTT = {"bptt": {"trials": 32, "batch_size": 16}}
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """Calls the command in a folder of its own, on a terminal of 80 columns: its exit code, output and errors."""
+def toy_models(monkeypatch):
+    """Trainings take the results that lie in ``prepared``, beside the study's folder, and fail where there are none."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "study"))
+    for module in (plan, sweep):
+        monkeypatch.setattr(module, "TRAIN_AND_MEASURE", "toy_models:measure")
+
+
+@pytest.fixture
+def invoke(tmp_path, monkeypatch):
+    """Calls ``bilateral-rl`` in an empty folder; its exit code and what it printed. Errors are raised."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "console", Console(width=80))
+    monkeypatch.setattr(cli, "console", Console(width=200))
 
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["bilateral-rl", *map(str, arguments)])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            code = end.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
+    def run(*arguments):
+        result = CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        return result.exit_code, result.output
 
-    return call
+    return run
 
 
 @pytest.fixture

@@ -12,47 +12,18 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from rich.console import Console
-from typer.testing import CliRunner
 
-from bilateral_rl import cli
-from bilateral_rl.cli import app
 from bilateral_rl.commands import reproduce as command
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
 from bilateral_rl.errors import UserError
 from bilateral_rl.figures.style import new_figure
-from bilateral_rl.study import local, plan, reproduction
+from bilateral_rl.study import local, reproduction
 from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
 
 make_results = runpy.run_path(str(Path(__file__).parents[1] / "claims" / "conftest.py"))["_results"]
 QUICK = ("reproduce", "--quick", "--jobs", 4, "--out", "study")
-
-
-TOYS = Path(__file__).parents[1] / "study"
-
-
-@pytest.fixture
-def toy_models(monkeypatch):
-    """Trainings take the results that lie in ``prepared``, beside the study's folder, and fail where there are none."""
-    monkeypatch.syspath_prepend(str(TOYS))
-    monkeypatch.setattr(plan, "TRAIN_AND_MEASURE", "toy_models:measure")
-
-
-@pytest.fixture
-def call(tmp_path, monkeypatch):
-    """Calls ``bilateral-rl`` in an empty folder; its exit code and what it printed. Errors are raised."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "console", Console(width=200))
-
-    def run(*arguments):
-        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-        if result.exception is not None and not isinstance(result.exception, SystemExit):
-            raise result.exception
-        return result.exit_code, result.output
-
-    return run
 
 
 @pytest.fixture
@@ -70,10 +41,10 @@ def prepared(tmp_path, toy_models, monkeypatch):
     return tmp_path / "prepared"
 
 
-def test_a_training_that_fails_stops_nothing_and_is_tried_again(call, prepared, tmp_path, monkeypatch):
+def test_a_training_that_fails_stops_nothing_and_is_tried_again(invoke, prepared, tmp_path, monkeypatch):
     missing = prepared / "hold_position" / "uni_ndl.csv"
     kept = missing.rename(prepared / "kept.csv")
-    code, out = call(*QUICK)
+    code, out = invoke(*QUICK)
     assert code == 0
     assert "14 trainings into study" in out
     assert "Failed: hold_position/uni_ndl: ValueError: <b>no uni_ndl</b> & nothing else" in out
@@ -89,7 +60,7 @@ def test_a_training_that_fails_stops_nothing_and_is_tried_again(call, prepared, 
 
     kept.rename(missing)
     logs = {path: path.read_bytes() for path in (tmp_path / "study" / "logs").rglob("*.log")}
-    code, out = call(*QUICK)
+    code, out = invoke(*QUICK)
     assert code == 0
     assert "13 of 14 jobs were done before." in out
     assert "Of 14 claims: 14 supported" in out
@@ -98,7 +69,7 @@ def test_a_training_that_fails_stops_nothing_and_is_tried_again(call, prepared, 
 
     monkeypatch.setattr(local, "JobProcess", None)  # nothing is left to start
     (tmp_path / "study" / "report.html").unlink()
-    code, out = call(*QUICK)
+    code, out = invoke(*QUICK)
     assert code == 0
     assert "14 of 14 jobs were done before." in out
     assert (tmp_path / "study" / "report.html").is_file()
@@ -131,8 +102,8 @@ def outcomes(monkeypatch):
         (["--algo", "ppo"], "reproduce-ppo-paper", 10),
     ],
 )
-def test_a_study_goes_to_a_folder_of_its_own(call, outcomes, tmp_path, options, name, seeds):
-    code, out = call("reproduce", *options)
+def test_a_study_goes_to_a_folder_of_its_own(invoke, outcomes, tmp_path, options, name, seeds):
+    code, out = invoke("reproduce", *options)
     assert code == 0
     folder = tmp_path / "runs" / name
     assert yaml.safe_load((folder / "study.yaml").read_text())["seeds"] == seeds
@@ -141,31 +112,31 @@ def test_a_study_goes_to_a_folder_of_its_own(call, outcomes, tmp_path, options, 
     assert "Of 14 claims: 0 supported, 0 not supported, 14 undecided." in out
 
 
-def test_so_many_at_a_time_share_the_processors(call, outcomes, monkeypatch):
+def test_so_many_at_a_time_share_the_processors(invoke, outcomes, monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(6)))
-    call("reproduce", "--jobs", 2)
+    invoke("reproduce", "--jobs", 2)
     ((jobs, _, at_once),) = outcomes.calls
     assert at_once == 2
     assert {job.threads for job in jobs} == {3}
 
 
-def test_jobs_are_handed_to_a_cluster(call, outcomes):
-    call("reproduce", "--ray", "head:6379", "--out", "study")
+def test_jobs_are_handed_to_a_cluster(invoke, outcomes):
+    invoke("reproduce", "--ray", "head:6379", "--out", "study")
     ((jobs, folder, address),) = outcomes.calls
     assert (len(jobs), folder, address) == (14, Path("study"), "head:6379")
 
 
-def test_interrupted_it_concludes_nothing(call, outcomes, tmp_path):
+def test_interrupted_it_concludes_nothing(invoke, outcomes, tmp_path):
     outcomes.ends["random_reach/cc_s"] = (JobState.INTERRUPTED,)
-    code, out = call("reproduce", "--out", "study")
+    code, out = invoke("reproduce", "--out", "study")
     assert code == INTERRUPTED_EXIT
     assert "Stopped with 13 of 14 jobs done; the same command goes on." in out
     assert {path.name for path in (tmp_path / "study").iterdir()} == {"study.yaml"}
 
 
-def test_errors_are_printed_as_they_are(call, outcomes):
+def test_errors_are_printed_as_they_are(invoke, outcomes):
     outcomes.ends["random_reach/cc_s"] = (JobState.FAILED, 1.0, "KeyError: '[/bold] [red]'")
-    _, out = call("reproduce", "--out", "study")
+    _, out = invoke("reproduce", "--out", "study")
     assert "Failed: random_reach/cc_s: KeyError: '[/bold] [red]'" in out
 
 
@@ -181,17 +152,17 @@ def test_errors_are_printed_as_they_are(call, outcomes):
         (["--set", "epochs"], "--set takes key=value"),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_anything_is_written(call, outcomes, tmp_path, options, message):
+def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outcomes, tmp_path, options, message):
     with pytest.raises(UserError, match=message):
-        call("reproduce", *options)
+        invoke("reproduce", *options)
     assert not list(tmp_path.iterdir())
     assert not outcomes.calls
 
 
-def test_a_folder_of_another_study_is_refused(call, outcomes):
-    call("reproduce", "--out", "study", "--set", "epochs=2")
+def test_a_folder_of_another_study_is_refused(invoke, outcomes):
+    invoke("reproduce", "--out", "study", "--set", "epochs=2")
     with pytest.raises(UserError, match=r"study holds a study with overrides = \{'epochs': 2\}, not \{\}"):
-        call("reproduce", "--out", "study")
+        invoke("reproduce", "--out", "study")
     assert len(outcomes.calls) == 1
 
 

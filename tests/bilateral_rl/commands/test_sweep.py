@@ -1,48 +1,17 @@
 """`bilateral-rl sweep`, with made-up results in the place of trainings."""
 
 import re
-from pathlib import Path
 
 import pandas as pd
 import pytest
-from rich.console import Console
-from typer.testing import CliRunner
 
-from bilateral_rl import cli
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.cli import app
 from bilateral_rl.commands import sweep as command
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
 from bilateral_rl.errors import UserError
-from bilateral_rl.study import sweep as points
 from bilateral_rl.study.jobs import JobOutcome, JobState
 
 GRID = ("--grid", "epochs=1,2", "--grid", "model=uni_dl,uni_ndl", "--jobs", 4, "--out", "study")
-
-
-TOYS = Path(__file__).parents[1] / "study"
-
-
-@pytest.fixture
-def toy_models(monkeypatch):
-    """Trainings take the results that lie in ``prepared``, beside the study's folder, and fail where there are none."""
-    monkeypatch.syspath_prepend(str(TOYS))
-    monkeypatch.setattr(points, "TRAIN_AND_MEASURE", "toy_models:measure")
-
-
-@pytest.fixture
-def call(tmp_path, monkeypatch):
-    """Calls ``bilateral-rl`` in an empty folder; its exit code and what it printed. Errors are raised."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "console", Console(width=200))
-
-    def run(*arguments):
-        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-        if result.exception is not None and not isinstance(result.exception, SystemExit):
-            raise result.exception
-        return result.exit_code, result.output
-
-    return run
 
 
 @pytest.fixture
@@ -69,28 +38,28 @@ def cells(out, *first):
     return row[len(first) :]
 
 
-def test_what_came_out_stands_side_by_side(call, prepare, tmp_path):
+def test_what_came_out_stands_side_by_side(invoke, prepare, tmp_path):
     for epochs, low in ((1, 80.0), (2, 90.0)):
         for model, more in (("uni_dl", 0.0), ("uni_ndl", 5.0)):
             values = [low + more - 1, low + more, low + more + 1]
             prepare(f"epochs={epochs},model={model}", goal_completion_5cm=values, final_error=[epochs, epochs, epochs])
-    code, out = call("sweep", *GRID)
+    code, out = invoke("sweep", *GRID)
     assert code == 0
     for epochs, model, expected in (("1", "uni_dl", "80"), ("1", "uni_ndl", "85"), ("2", "uni_ndl", "95")):
-        assert cells(out, epochs, model) == [f"{expected} ± 1", f"{epochs} ± 0", "3"]
+        assert cells(out, epochs, model) == [f"{expected}.0 ± 1.0", f"{epochs} ± 0", "3"]
     assert cells(out, "epochs", "model")[0] == "Goal completion within 5 cm (%)"
     written = pd.read_csv(tmp_path / "study" / "sweep.csv")
     assert len(written) == 4 * 3 * 2
     assert sorted(set(written["epochs"])) == [1, 2]
     assert "study/sweep.csv" in out
-    code, out = call("sweep", *GRID)
+    code, out = invoke("sweep", *GRID)
     assert code == 0
     assert "4 of 4 jobs were done before." in out
 
 
-def test_points_that_failed_are_said_and_left_out(call, prepare, tmp_path):
+def test_points_that_failed_are_said_and_left_out(invoke, prepare, tmp_path):
     prepare("epochs=2,model=uni_dl", goal_completion_5cm=[91.0], final_error=[float("nan")])
-    code, out = call("sweep", *GRID)
+    code, out = invoke("sweep", *GRID)
     assert code == 0
     assert cells(out, "2", "uni_dl") == ["91", "–", "1"]
     assert out.count("Failed:") == 3
@@ -98,39 +67,39 @@ def test_points_that_failed_are_said_and_left_out(call, prepare, tmp_path):
     assert set(pd.read_csv(tmp_path / "study" / "sweep.csv")["point"]) == {"epochs=2,model=uni_dl"}
 
 
-def test_where_nothing_is_done_the_logs_are_named(call, toy_models):
+def test_where_nothing_is_done_the_logs_are_named(invoke, toy_models):
     with pytest.raises(UserError, match=r"No training of the sweep is done; the logs are in study/logs\."):
-        call("sweep", *GRID)
+        invoke("sweep", *GRID)
 
 
-def test_metrics_can_be_chosen(call, prepare):
+def test_metrics_can_be_chosen(invoke, prepare):
     prepare("epochs=1", time_in_goal_1cm=[3.0, 5.0], effort=[0.25, 0.25], task="hold_position")
     options = ("--grid", "epochs=1", "--set", "task=hold_position", "--out", "study")
-    _, out = call("sweep", *options, "--metric", "time_in_goal_1cm", "--metric", "effort")
+    _, out = invoke("sweep", *options, "--metric", "time_in_goal_1cm", "--metric", "effort")
     assert cells(out, "epochs") == ["Time within 1 cm (steps)", "Effort (s)", "seeds"]
-    assert cells(out, "1") == ["4 ± 1.4", "0.25 ± 0", "2"]
+    assert cells(out, "1") == ["4.0 ± 1.4", "0.25 ± 0", "2"]
 
 
-def test_tasks_are_each_shown_by_their_own_metric(call, prepare):
+def test_tasks_are_each_shown_by_their_own_metric(invoke, prepare):
     prepare("task=random_reach", goal_completion_5cm=[90.0], final_error=[2.0])
     prepare("task=hold_position", time_in_goal_5cm=[40.0], final_error=[3.0], task="hold_position")
-    _, out = call("sweep", "--grid", "task=random_reach,hold_position", "--out", "study")
+    _, out = invoke("sweep", "--grid", "task=random_reach,hold_position", "--out", "study")
     assert cells(out, "random_reach") == ["90", "–", "2", "1"]
     assert cells(out, "hold_position") == ["–", "40", "3", "1"]
 
 
-def test_a_sweep_over_first_seeds_shows_every_seed(call, prepare):
+def test_a_sweep_over_first_seeds_shows_every_seed(invoke, prepare):
     prepare("seed=0", goal_completion_5cm=[90.0, 92.0], final_error=[2.0, 2.0])
-    _, out = call("sweep", "--grid", "seed=0", "--set", "seeds=2", "--out", "study")
-    assert cells(out, "0") == ["91 ± 1.4", "2 ± 0", "2"]
+    _, out = invoke("sweep", "--grid", "seed=0", "--set", "seeds=2", "--out", "study")
+    assert cells(out, "0") == ["91.0 ± 1.4", "2 ± 0", "2"]
 
 
-def test_interrupted_it_says_so(call, monkeypatch, tmp_path):
+def test_interrupted_it_says_so(invoke, monkeypatch, tmp_path):
     def stop(jobs, *_):
         return [JobOutcome(job, JobState.INTERRUPTED) for job in jobs]
 
     monkeypatch.setattr(command, "run_jobs", stop)
-    code, out = call("sweep", *GRID)
+    code, out = invoke("sweep", *GRID)
     assert code == INTERRUPTED_EXIT
     assert "Stopped with 0 of 4 jobs done; the same command goes on." in out
 
@@ -148,7 +117,7 @@ def test_interrupted_it_says_so(call, monkeypatch, tmp_path):
         (["--grid", "units=5"], "Unknown setting 'units'"),
     ],
 )
-def test_what_cannot_be_done_is_refused_before_anything_is_written(call, tmp_path, options, message):
+def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, tmp_path, options, message):
     with pytest.raises(UserError, match=message):
-        call("sweep", *options)
+        invoke("sweep", *options)
     assert not list(tmp_path.iterdir())

@@ -9,6 +9,7 @@ import pytest
 from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl import training
+from bilateral_rl.analysis.lesioning import measured_metrics
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.bptt import training as bptt_training
 from bilateral_rl.errors import UserError
@@ -16,7 +17,6 @@ from bilateral_rl.resolve import resolve
 from bilateral_rl.run_folder import RunFolder, find_runs
 from bilateral_rl.settings import merge
 from bilateral_rl.study.model_job import find_run, train_and_measure
-from bilateral_rl.study.sweep import measured_metrics
 
 RESULT = "results/random_reach/cc_s.csv"
 LESIONS = {"lesions": ["callosum"], "trials": 16, "retraining_trials": 64, "profile": "paper"}

@@ -6,13 +6,13 @@ import json
 import pandas as pd
 import pytest
 
+from bilateral_rl.analysis.lesioning import measured_metrics
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import resolve
 from bilateral_rl.study.sweep import (
     MAX_POINTS,
     Sweep,
-    measured_metrics,
     parse_grid,
     point_name,
     read_sweep,

@@ -58,8 +58,8 @@ def test_models_stand_side_by_side_in_the_papers_order(tables):
     assert table.title == "Random reach: the intact models"
     assert table.columns == ["", "Uni-B", "Bi-S"]
     assert table.rows == [
-        ["Goal completion within 5 cm (%)", "92 ± 2", "97 ± 1"],
-        ["Effort (s)", "1.5 ± 0.5", "1.5 ± 0.71"],
+        ["Goal completion within 5 cm (%)", "92.0 ± 2.0", "97.0 ± 1.0"],
+        ["Effort (s)", "1.50 ± 0.50", "1.50 ± 0.71"],
     ]
 
 
@@ -97,9 +97,9 @@ def test_lesions_stand_below_the_intact_network_with_their_tests(tables):
     raw = [stats.ttest_rel(RETRAINED[a], RETRAINED[b]).pvalue for a, b in pairs]
     order = sorted(raw)
     holm = [max((3 - j) * order[j] for j in range(order.index(p) + 1)) for p in raw]
-    assert cells["intact"] == ["97 ± 1", "97.7 ± 1.5", "–"]
-    assert cells["deep dominant"] == ["–", "23.3 ± 15", f"{holm[0]:.3f}"]
-    assert cells["deep non-dominant"] == ["–", "76.7 ± 15", f"{holm[1]:.3f}"]
+    assert cells["intact"] == ["97.0 ± 1.0", "97.7 ± 1.5", "–"]
+    assert cells["deep dominant"] == ["–", "23 ± 15", f"{holm[0]:.3f}"]
+    assert cells["deep non-dominant"] == ["–", "77 ± 15", f"{holm[1]:.3f}"]
     assert cells["callosum"] == ["–", "–", "–"]
     assert len(cells) == 1 + 7
 
@@ -122,9 +122,9 @@ def test_each_task_is_judged_by_its_own_metric_and_radius():
         )
     )
     assert "pairs_random_reach" not in tables  # one model is no comparison
-    assert tables["models_hold_position"].rows == [["Time within 1 cm (steps)", "6 ± 1", "16 ± 1"]]
+    assert tables["models_hold_position"].rows == [["Time within 1 cm (steps)", "6.0 ± 1.0", "16.0 ± 1.0"]]
     assert tables["lesions_hold_position"].columns == ["", "Bi-S", "retrained", "p", "CC-S", "retrained", "p"]
-    assert tables["lesions_hold_position"].rows[0][4:] == ["16 ± 1", "–", "–"]
+    assert tables["lesions_hold_position"].rows[0][4:] == ["16.0 ± 1.0", "–", "–"]
     assert "Time within 1 cm" in tables["specialization_hold_position"].title
 
 
@@ -143,7 +143,7 @@ def test_a_model_without_a_number_has_dashes():
     (models, _, pairs) = tables_of(
         long_table(rows(COMPLETION, "uni_b", nothing), rows(COMPLETION, "uni_dl", UNI))
     ).values()
-    assert models.rows == [["Goal completion within 5 cm (%)", "–", "92 ± 2"]]
+    assert models.rows == [["Goal completion within 5 cm (%)", "–", "92.0 ± 2.0"]]
     assert pairs.rows == [["Uni-B − Uni-DL", "–", "– to –", "–", "–", "–"]]
 
 
@@ -153,7 +153,7 @@ def test_no_results_make_no_tables():
 
 def test_large_means_keep_a_decimal():
     (table,) = tables_of(long_table(rows("time_to_peak_speed", "uni_b", [1234.5, 1235.5]))).values()
-    assert table.rows == [["Time to peak hand speed (ms)", "1235.0 ± 0.71"]]
+    assert table.rows == [["Time to peak hand speed (ms)", "1235.00 ± 0.71"]]
 
 
 @pytest.mark.parametrize(("p", "text"), [(0.0, "< 0.001"), (0.00099, "< 0.001"), (0.001, "0.001"), (0.25, "0.250")])
