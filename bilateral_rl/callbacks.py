@@ -15,7 +15,7 @@ from bilateral_rl.config import RLConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator, TrialRecord
 from bilateral_rl.figures import hand_paths
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.progress import StopRequest
 from bilateral_rl.run_folder import BEST, RunFolder
 
@@ -70,7 +70,7 @@ class EvaluationCallback(BaseCallback):
     def evaluate(self) -> None:
         """Evaluate now."""
         policy = self.model.policy
-        assert isinstance(policy, BilateralActorCriticPolicy)
+        assert isinstance(policy, MotorPolicy)
         record = self._evaluator.run(policy)
         measures = record.summary(self._config.trial.threshold)
         measures["return_scalar"] = (measures["return_dominant"] + measures["return_non_dominant"]) / 2

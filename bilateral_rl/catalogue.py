@@ -36,6 +36,9 @@ TASK_DESCRIPTIONS: dict[str, str] = {
 
 ALGORITHMS: dict[str, str] = {
     "ppo": "proximal policy optimization, a critic and an advantage for each hemisphere",
+    "a2c": "advantage actor-critic, likewise",
+    "sac": "soft actor-critic, off-policy, critics for each hemisphere",
+    "td3": "twin delayed deep deterministic policy gradient, off-policy, likewise",
     "bptt": "supervised: back-propagation through time through the arm, as in the paper; many seeds at once",
 }
 

@@ -32,19 +32,25 @@ class ActorCriticConfig(NetworkConfig):
 
 
 @dataclass(frozen=True)
-class PPOConfig:
-    """Arguments of ``HemisphericPPO``; the tuned values are in ``defaults.yaml``."""
+class StreamConfig:
+    """What every hemispheric algorithm takes; the tuned values are in ``defaults.yaml``."""
 
     learning_rate: float = 3e-4
     final_learning_rate: float = 0.0
     """Reached linearly at the last step."""
+    gamma: float = 0.99
+    weight_penalty: float = 0.001
+    """λ of paper section 4."""
+    reward_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class OnPolicyConfig(StreamConfig):
+    """What PPO and A2C take."""
+
     n_steps: int = 50
     """Steps per arm between updates."""
-    batch_size: int = 5120
-    n_epochs: int = 5
-    gamma: float = 0.99
     gae_lambda: float = 0.95
-    clip_range: float = 0.2
     ent_coef: float = 0.0
     """Too little, and the exploration narrows before the hand finds its way."""
     final_ent_coef: float = 0.0
@@ -52,9 +58,67 @@ class PPOConfig:
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
     """Of each parameter group."""
-    weight_penalty: float = 0.001
-    """λ of paper section 4."""
-    reward_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class PPOConfig(OnPolicyConfig):
+    """Arguments of ``HemisphericPPO``."""
+
+    batch_size: int = 5120
+    n_epochs: int = 5
+    clip_range: float = 0.2
+
+
+@dataclass(frozen=True)
+class A2CConfig(OnPolicyConfig):
+    """Arguments of ``HemisphericA2C``."""
+
+    n_steps: int = 5
+    gae_lambda: float = 1.0
+    normalize_advantage: bool = False
+    use_rms_prop: bool = True
+    """RMSprop as in the original A2C; otherwise Adam."""
+
+
+@dataclass(frozen=True)
+class OffPolicyConfig(StreamConfig):
+    """What SAC and TD3 take."""
+
+    final_learning_rate: float = 3e-4
+    buffer_size: int = 500_000
+    """Steps kept, over all arms."""
+    learning_starts: int = 10_000
+    """Steps with random actions before the first update."""
+    batch_size: int = 256
+    tau: float = 0.005
+    train_freq: int = 1
+    """Steps per arm between updates."""
+    gradient_steps: int = 1
+    """Updates at a time."""
+    n_critics: int = 2
+    """Of each reward stream; the smallest value counts."""
+
+
+@dataclass(frozen=True)
+class SACConfig(OffPolicyConfig):
+    """Arguments of ``HemisphericSAC``."""
+
+    ent_coef: float | None = None
+    """The entropy temperature; None to learn it."""
+    target_entropy: float | None = None
+    """What a learned temperature steers to (nats); None for minus the number of muscles."""
+
+
+@dataclass(frozen=True)
+class TD3Config(OffPolicyConfig):
+    """Arguments of ``HemisphericTD3``."""
+
+    action_noise: float = 0.1
+    """Standard deviation of the exploration, added to actions in [-1, 1]."""
+    policy_delay: int = 2
+    """Updates of the critics for one of the network."""
+    target_policy_noise: float = 0.2
+    target_noise_clip: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -67,6 +131,8 @@ class EvaluationConfig:
     """Trials of an evaluation, the same ones each time, by the deterministic policy."""
     checkpoint_every: int = 2_500_000
     """Environment steps between saved weights."""
+    lesion_probe_every: int = 0
+    """Environment steps between tests of every lesion; 0 for none."""
     seed: int = 1_000_000
     """Of the evaluation's trials; arm i uses seed + i."""
 
@@ -115,7 +181,7 @@ class TrainConfig:
 
 @dataclass(frozen=True)
 class RLConfig(TrainConfig):
-    """A training by reinforcement learning."""
+    """A training by reinforcement learning; each algorithm's configuration adds its hyperparameters, by its name."""
 
     timesteps: int = 12_000_000
     """Environment steps, over all arms."""
@@ -123,9 +189,47 @@ class RLConfig(TrainConfig):
     """Arms simulated at once."""
     threads: int = 1
     """CPU threads of torch. A second one gains a fifth on an idle machine and loses half on a busy one."""
+    track: bool = False
+    """Whether Weights & Biases follows the training too."""
     network: ActorCriticConfig = field(default_factory=ActorCriticConfig)
-    ppo: PPOConfig = field(default_factory=PPOConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+
+    @property
+    def hyperparameters(self) -> StreamConfig:
+        """The algorithm's."""
+        return typing.cast(StreamConfig, getattr(self, self.algo))
+
+
+@dataclass(frozen=True)
+class PPORunConfig(RLConfig):
+    """A training by PPO."""
+
+    algo: str = "ppo"
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+
+
+@dataclass(frozen=True)
+class A2CRunConfig(RLConfig):
+    """A training by A2C."""
+
+    algo: str = "a2c"
+    a2c: A2CConfig = field(default_factory=A2CConfig)
+
+
+@dataclass(frozen=True)
+class SACRunConfig(RLConfig):
+    """A training by SAC."""
+
+    algo: str = "sac"
+    sac: SACConfig = field(default_factory=SACConfig)
+
+
+@dataclass(frozen=True)
+class TD3RunConfig(RLConfig):
+    """A training by TD3."""
+
+    algo: str = "td3"
+    td3: TD3Config = field(default_factory=TD3Config)
 
 
 @dataclass(frozen=True)
@@ -159,6 +263,11 @@ PROFILES: dict[str, Penalty] = {"paper": "weights", "released": "released"}
 """The kind of weight penalty in the paper's text and in its released code (section 4)."""
 
 
-def config_class(algo: str) -> type[TrainConfig]:
-    """The configuration of the algorithm called ``algo``."""
-    return BPTTConfig if algo == "bptt" else RLConfig
+CONFIGS: dict[str, type[TrainConfig]] = {
+    "ppo": PPORunConfig,
+    "a2c": A2CRunConfig,
+    "sac": SACRunConfig,
+    "td3": TD3RunConfig,
+    "bptt": BPTTConfig,
+}
+"""The configuration of each algorithm."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from bilateral_rl.bptt.losses import PENALTIES
 from bilateral_rl.catalogue import check_choice, find_model
-from bilateral_rl.config import PROFILES, BPTTConfig, PPOConfig, RLConfig, TrainConfig
+from bilateral_rl.config import PROFILES, BPTTConfig, OnPolicyConfig, RLConfig, StreamConfig, TrainConfig
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies.networks import make_network
 
-MAX_ARMS, MAX_SIZE, MAX_SEEDS = 1_000_000, 10_000, 1_000
+MAX_ARMS, MAX_SIZE, MAX_SEEDS, MAX_CRITICS = 1_000_000, 10_000, 1_000, 10
 """Bounds far beyond use, so that a slip of the finger is a sentence and not a full memory."""
 MAX_SEED = 2**32 - 1
 
@@ -42,7 +44,8 @@ def _check_rl(config: RLConfig) -> None:
     critic_arch = config.network.critic_arch
     if not critic_arch or min(critic_arch) < 1 or max(critic_arch) > MAX_SIZE:
         raise UserError(f"network.critic_arch needs layers of 1 to {MAX_SIZE:,} units, got {list(critic_arch)}.")
-    _check_ppo(config.ppo, config.n_envs)
+    _check_at_least("evaluation.lesion_probe_every", config.evaluation.lesion_probe_every, 0)
+    _check_hyperparameters(config.algo, config.hyperparameters, config.n_envs)
 
 
 def _check_bptt(config: BPTTConfig) -> None:
@@ -74,21 +77,37 @@ def _check_bptt(config: BPTTConfig) -> None:
         )
 
 
-def _check_ppo(ppo: PPOConfig, n_envs: int) -> None:
-    for name in ("n_steps", "n_epochs"):
-        _check_at_least(f"ppo.{name}", getattr(ppo, name), 1)
-    _check_at_least("ppo.batch_size", ppo.batch_size, 2)
-    if ppo.n_steps * n_envs < 2:
-        raise UserError("ppo.n_steps times n_envs must be at least 2: one sample has no advantage to normalize.")
-    for name in ("learning_rate", "clip_range", "max_grad_norm", "reward_scale"):
-        if not getattr(ppo, name) > 0:
-            raise UserError(f"ppo.{name} must be positive, got {getattr(ppo, name)}.")
-    for name in ("final_learning_rate", "ent_coef", "final_ent_coef", "vf_coef", "weight_penalty"):
-        if getattr(ppo, name) < 0:
-            raise UserError(f"ppo.{name} must be at least 0, got {getattr(ppo, name)}.")
-    for name in ("gamma", "gae_lambda"):
-        if not 0 <= getattr(ppo, name) <= 1:
-            raise UserError(f"ppo.{name} must lie between 0 and 1, got {getattr(ppo, name)}.")
+_POSITIVE = (
+    "learning_rate", "clip_range", "max_grad_norm", "reward_scale", "tau", "target_policy_noise", "target_noise_clip",
+)  # fmt: skip
+_AT_LEAST_ZERO = (
+    "final_learning_rate", "ent_coef", "final_ent_coef", "vf_coef", "weight_penalty", "action_noise", "learning_starts",
+)  # fmt: skip
+_FRACTIONS = ("gamma", "gae_lambda", "tau")
+_AT_LEAST_ONE = ("n_steps", "n_epochs", "train_freq", "gradient_steps", "policy_delay", "buffer_size")
+
+
+def _check_hyperparameters(algo: str, hyperparameters: StreamConfig, n_envs: int) -> None:
+    values = {f.name: getattr(hyperparameters, f.name) for f in dataclasses.fields(hyperparameters)}
+    given = {name: value for name, value in values.items() if value is not None}
+    for name in _AT_LEAST_ONE:
+        if name in given:
+            _check_at_least(f"{algo}.{name}", given[name], 1)
+    if "batch_size" in given:
+        _check_range(f"{algo}.batch_size", given["batch_size"], 2, MAX_ARMS * MAX_SIZE)
+    if "n_critics" in given:
+        _check_range(f"{algo}.n_critics", given["n_critics"], 1, MAX_CRITICS)
+    if isinstance(hyperparameters, OnPolicyConfig) and hyperparameters.n_steps * n_envs < 2:
+        raise UserError(f"{algo}.n_steps times n_envs must be at least 2: one sample has no advantage to normalize.")
+    for name in _POSITIVE:
+        if name in given and not given[name] > 0:
+            raise UserError(f"{algo}.{name} must be positive, got {given[name]}.")
+    for name in _AT_LEAST_ZERO:
+        if name in given and given[name] < 0:
+            raise UserError(f"{algo}.{name} must be at least 0, got {given[name]}.")
+    for name in _FRACTIONS:
+        if name in given and not 0 <= given[name] <= 1:
+            raise UserError(f"{algo}.{name} must lie between 0 and 1, got {given[name]}.")
 
 
 def _check_at_least(name: str, value: int, least: int) -> None:

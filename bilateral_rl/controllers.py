@@ -15,14 +15,12 @@ from bilateral_rl.catalogue import find_model
 from bilateral_rl.config import ActorCriticConfig, BPTTConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.errors import UserError
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
 from bilateral_rl.policies.networks import MotorNetwork, make_network
 from bilateral_rl.run_folder import FINAL, RunFolder, Tensors
 
 SEEDS = "seeds"
 """In the weights of a stacked run, the tensor (S,) of its seeds; every other tensor has a leading axis of them."""
-_ACTOR = "mlp_extractor.actor."
-"""Where a policy's ``state_dict()`` holds the network."""
 
 
 def parse_run(text: str) -> tuple[RunFolder, int | None]:
@@ -46,7 +44,7 @@ def build_network(config: TrainConfig) -> MotorNetwork:
     return make_network(find_model(config.model).architecture, len(low), N_MUSCLES, network.units, network.layers)
 
 
-def build_policy(config: TrainConfig) -> BilateralActorCriticPolicy:
+def build_policy(config: TrainConfig) -> MotorPolicy:
     """An untrained policy of the run's architecture and sizes, on the CPU."""
     low, high = config.trial.observation_bounds()
     return BilateralActorCriticPolicy(
@@ -78,16 +76,15 @@ def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors
     if isinstance(config, BPTTConfig):
         states = _unstack(tensors, config, folder)
     else:
-        states = {config.seed: {k.removeprefix(_ACTOR): v for k, v in tensors.items() if k.startswith(_ACTOR)}}
+        key = BilateralActorCriticPolicy.NETWORK_KEY
+        states = {config.seed: {k.removeprefix(key): v for k, v in tensors.items() if k.startswith(key)}}
     network = build_network(config)
     for state in states.values():
         _check_fit(network, state, folder)
     return states
 
 
-def load_policies(
-    folder: RunFolder, weights: str = FINAL, seed: int | None = None
-) -> dict[int, BilateralActorCriticPolicy]:
+def load_policies(folder: RunFolder, weights: str = FINAL, seed: int | None = None) -> dict[int, MotorPolicy]:
     """The policies of a run by seed, ready to act.
 
     A policy of a supervised run has that run's network and fresh critics.
@@ -105,12 +102,12 @@ def load_policies(
     if seed is not None and seed not in seeds:
         raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(seeds)}.")
     wanted = seeds if seed is None else [seed]
-    policies = {}
+    policies: dict[int, MotorPolicy] = {}
     states = network_states(folder, weights) if isinstance(config, BPTTConfig) else {}
     for one in wanted:
         policy = build_policy(config)
         if states:
-            policy.actor.load_state_dict(states[one])
+            policy.motor_network.load_state_dict(states[one])
         else:
             load_policy_weights(policy, folder.load_weights(weights), folder)
         policy.set_training_mode(False)
@@ -118,9 +115,7 @@ def load_policies(
     return policies
 
 
-def load_policy(
-    run: RunFolder | str | Path, weights: str = FINAL, seed: int | None = None
-) -> BilateralActorCriticPolicy:
+def load_policy(run: RunFolder | str | Path, weights: str = FINAL, seed: int | None = None) -> MotorPolicy:
     """The one policy of a run, or that of one of its seeds.
 
     Args:
@@ -141,7 +136,7 @@ def load_policy(
     return next(iter(policies.values()))
 
 
-def load_policy_weights(policy: BilateralActorCriticPolicy, tensors: dict[str, Tensor], folder: RunFolder) -> None:
+def load_policy_weights(policy: MotorPolicy, tensors: dict[str, Tensor], folder: RunFolder) -> None:
     """Copy ``tensors`` into ``policy``. Raises UserError where names or shapes do not fit."""
     _check_fit(policy, tensors, folder)
     policy.load_state_dict(tensors)

@@ -15,7 +15,7 @@ from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, TrialSettings
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.threads import one_torch_thread
 
 REPORTED_THRESHOLDS = (0.02, 0.03, 0.05)
@@ -98,12 +98,12 @@ class Evaluator:
         self._batch = TrialBatch(make_task(task), settings, trials, device)
         self._seeds = [seed + i for i in range(trials)]
 
-    def run(self, policy: BilateralActorCriticPolicy, deterministic: bool = True) -> TrialRecord:
+    def run(self, policy: MotorPolicy, deterministic: bool = True) -> TrialRecord:
         """Every trial once, under ``policy``."""
         with one_torch_thread():
             return self._run(policy, deterministic)
 
-    def _run(self, policy: BilateralActorCriticPolicy, deterministic: bool) -> TrialRecord:
+    def _run(self, policy: MotorPolicy, deterministic: bool) -> TrialRecord:
         batch = self._batch
         length = batch.settings.trial_length
         TrialStreams(batch, self._seeds).start(np.arange(batch.n, dtype=np.int32))

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 
 from bilateral_rl.errors import UserError
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.run_folder import RunFolder
 
 RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
@@ -48,7 +48,7 @@ class Outcome:
     """Environment steps or updates."""
     interrupted: bool
     seconds: float
-    policies: dict[int, BilateralActorCriticPolicy]
+    policies: dict[int, MotorPolicy]
     """What was trained, by seed."""
     notes: list[str] = field(default_factory=list)
     """What a person should know of it."""

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from bilateral_rl.catalogue import check_names
-from bilateral_rl.config import BPTTConfig, RLConfig, TrainConfig, config_class
+from bilateral_rl.config import CONFIGS, TrainConfig
 from bilateral_rl.config_checks import check
 from bilateral_rl.errors import UserError
 from bilateral_rl.settings import Values, build, merge
@@ -51,9 +51,9 @@ def tuned_defaults(algo: str, task: str) -> Values:
 def from_values(values: Mapping[str, Any]) -> TrainConfig:
     """The inverse of :meth:`TrainConfig.to_values`. Raises UserError for unknown keys and wrong types."""
     algo = values.get("algo", TrainConfig.algo)
-    cls = config_class(algo)
-    own, others = (_names(c) for c in (cls, RLConfig if cls is BPTTConfig else BPTTConfig))
-    foreign = [name for name in values if name in others - own]
+    cls = CONFIGS[algo]
+    others = set().union(*map(_names, CONFIGS.values())) - _names(cls)
+    foreign = [name for name in values if name in others]
     if foreign:
         raise UserError(
             f"{foreign[0]} is a setting of another algorithm than {algo}; leave it out or choose the --algo."

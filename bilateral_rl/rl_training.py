@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import time
-import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +21,10 @@ from bilateral_rl.callbacks import (
     MonitorCallback,
     StopCallback,
 )
-from bilateral_rl.catalogue import find_model
 from bilateral_rl.config import RLConfig
-from bilateral_rl.controllers import initial_states, load_policy_weights, policy_arguments
-from bilateral_rl.envs import ENVIRONMENT_IDS, ArmVecEnv
+from bilateral_rl.controllers import initial_states, load_policy_weights
+from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.errors import UserError
-from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.progress import (
     FAILED,
     FINISHED,
@@ -39,8 +34,8 @@ from bilateral_rl.progress import (
     Outcome,
     Progress,
     StopRequest,
-    check_device,
 )
+from bilateral_rl.rl_algorithms import build_algorithm
 from bilateral_rl.run_folder import FINAL, RunFolder
 
 
@@ -53,7 +48,7 @@ def train(config: RLConfig, out: Path, progress: Progress = UNWATCHED) -> Outcom
     states = initial_states(config)
     algorithm = build_algorithm(config)
     if states:
-        algorithm.policy.actor.load_state_dict(states[config.seed])
+        algorithm.policy.motor_network.load_state_dict(states[config.seed])
     return _run(algorithm, config, RunFolder.create(out, config), config.timesteps, progress)
 
 
@@ -82,53 +77,6 @@ def resume(folder: RunFolder, config: RLConfig, progress: Progress = UNWATCHED) 
     seeds = np.random.SeedSequence([config.seed, done]).generate_state(config.n_envs).tolist()
     algorithm.env.seed_arms(seeds)  # type: ignore[union-attr]
     return _run(algorithm, config, folder, config.timesteps - done, progress)
-
-
-def build_algorithm(config: RLConfig) -> HemisphericPPO:
-    """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
-    check_device(config.device)
-    warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
-    torch.set_num_threads(config.threads)
-    trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
-    env = ArmVecEnv(config.n_envs, config.task, device=config.device, seed=config.seed, **trial)
-    model, ppo = find_model(config.model), config.ppo
-    return HemisphericPPO(
-        BilateralActorCriticPolicy,
-        env,
-        loss=model.loss,
-        weight_penalty=ppo.weight_penalty,
-        reward_scale=ppo.reward_scale,
-        learning_rate=linear_schedule(ppo.learning_rate, ppo.final_learning_rate),
-        n_steps=ppo.n_steps,
-        batch_size=_even_batch(ppo.batch_size, ppo.n_steps * config.n_envs),
-        n_epochs=ppo.n_epochs,
-        gamma=ppo.gamma,
-        gae_lambda=ppo.gae_lambda,
-        clip_range=ppo.clip_range,
-        ent_coef=linear_schedule(ppo.ent_coef, ppo.final_ent_coef),
-        vf_coef=ppo.vf_coef,
-        max_grad_norm=ppo.max_grad_norm,
-        stats_window_size=max(100, config.n_envs),
-        policy_kwargs=policy_arguments(config),
-        seed=config.seed,
-        device=config.device,
-    )
-
-
-def _even_batch(largest: int, samples: int) -> int:
-    """The minibatch size that splits ``samples`` into the fewest, most equal parts of at most ``largest``."""
-    return math.ceil(samples / math.ceil(samples / largest))
-
-
-@dataclass(frozen=True)
-class linear_schedule:  # noqa: N801 - used as a function; a class so that SB3 can pickle it
-    """Goes linearly from ``initial`` to ``final``, by the remaining progress (1 to 0)."""
-
-    initial: float
-    final: float
-
-    def __call__(self, remaining: float) -> float:
-        return self.final + (self.initial - self.final) * max(remaining, 0.0)
 
 
 def _run(algorithm: HemisphericPPO, config: RLConfig, folder: RunFolder, timesteps: int, progress: Progress) -> Outcome:

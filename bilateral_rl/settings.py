@@ -100,7 +100,7 @@ def _convert(hint: Any, value: Any, name: str) -> Any:
 
 
 def _convert_scalar(hint: Any, value: Any, name: str) -> Any:
-    if hint is str and isinstance(value, str):
+    if (hint is str and isinstance(value, str)) or (hint is bool and isinstance(value, bool)):
         return value
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if isinstance(value, str) and hint in (int, float):
@@ -111,7 +111,7 @@ def _convert_scalar(hint: Any, value: Any, name: str) -> Any:
         return float(value)
     if hint is int and is_number and math.isfinite(value) and value == int(value):
         return int(value)
-    wanted = {int: "a whole number", float: "a finite number", str: "a word"}[hint]
+    wanted = {int: "a whole number", float: "a finite number", str: "a word", bool: "true or false"}[hint]
     raise UserError(f"{name} must be {wanted}, got {value!r}.")
 
 

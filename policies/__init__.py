@@ -13,6 +13,7 @@ from bilateral_rl.policies.actor_critic import (
     UnilateralPolicy,
 )
 from bilateral_rl.policies.lesions import LESIONS, Lesion
+from bilateral_rl.policies.motor_policy import MotorPolicy
 from bilateral_rl.policies.networks import (
     ARCHITECTURES,
     GROUPS,
@@ -32,6 +33,6 @@ for _algorithm in (PPO, A2C):
 
 __all__ = [
     "ARCHITECTURES", "GROUPS", "LESIONS", "POLICY_ALIASES", "BilateralActorCriticPolicy", "BilateralNetwork",
-    "BilateralPolicy", "CallosalNetwork", "CallosalPolicy", "Lesion", "MotorNetwork", "UnilateralNetwork",
-    "UnilateralPolicy", "make_network",
+    "BilateralPolicy", "CallosalNetwork", "CallosalPolicy", "Lesion", "MotorNetwork", "MotorPolicy",
+    "UnilateralNetwork", "UnilateralPolicy", "make_network",
 ]  # fmt: skip

@@ -12,10 +12,11 @@ from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
+from bilateral_rl.policies.motor_policy import MotorPolicy
 from bilateral_rl.policies.networks import Architecture, MotorNetwork, make_network
 
 
-class BilateralActorCriticPolicy(ActorCriticPolicy):
+class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
     """Actor-critic policy whose actor is one of the paper's networks.
 
     An action is ``tanh`` of a Gaussian around half the network's output before its sigmoid, rescaled to the action
@@ -39,6 +40,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
     """
 
     architecture: ClassVar[Architecture] = "bilateral"
+    NETWORK_KEY = "mlp_extractor.actor."
 
     def __init__(
         self,
@@ -89,7 +91,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
 
     def _constrain_after_steps(self) -> None:
         # The projection belongs to every update, also those of SB3's own training loops.
-        self.optimizer.register_step_post_hook(lambda *_: self.actor.constrain())
+        self.optimizer.register_step_post_hook(lambda *_: self.motor_network.constrain())
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # A copied optimizer has lost its hooks.
@@ -97,8 +99,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
         self._constrain_after_steps()
 
     @property
-    def actor(self) -> MotorNetwork:
-        """The motor network: lesion it, or load weights trained elsewhere into it."""
+    def motor_network(self) -> MotorNetwork:
         return self.mlp_extractor.actor  # type: ignore[return-value]
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
@@ -106,7 +107,7 @@ class BilateralActorCriticPolicy(ActorCriticPolicy):
 
         The action's standard deviation, and a features extractor's parameters if there are any, are shared.
         """
-        groups = self.actor.parameter_groups()
+        groups = self.motor_network.parameter_groups()
         critics = self.mlp_extractor.critics
         groups |= {f"critic_{i}": list(critic.parameters()) for i, critic in enumerate(critics)}  # type: ignore[arg-type,union-attr]
         owned = {id(parameter) for group in groups.values() for parameter in group}

@@ -246,7 +246,7 @@ class HemisphericPPO(PPO):
     def _train_epoch(self, clip_range: float, log: dict[str, list[Tensor]]) -> bool:
         """One pass over the rollout; False if it stopped early because the policy had moved too far."""
         groups = self.policy.parameter_groups()
-        network = self.policy.actor.parameter_groups()
+        network = self.policy.motor_network.parameter_groups()
         for batch in self.rollout.minibatches(self.batch_size, self.device):
             losses, approx_kl = self._losses(batch, clip_range, log)
             if self.target_kl is not None and approx_kl > 1.5 * self.target_kl:
@@ -324,7 +324,7 @@ class HemisphericPPO(PPO):
         record("train/clip_range", clip_range)
         record("train/ent_coef", self._present_ent_coef())
         record("train/n_updates", self._n_updates, exclude="tensorboard")
-        for side, weight in getattr(self.policy.actor, "combination_weights", dict)().items():
+        for side, weight in getattr(self.policy.motor_network, "combination_weights", dict)().items():
             record(f"combination/{side}", weight)
 
 

@@ -17,7 +17,7 @@ from bilateral_rl.config import PROFILES, BPTTConfig, SupervisedConfig, TrainCon
 from bilateral_rl.controllers import build_network, load_policies
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, Lesion, find_lesion
 from bilateral_rl.run_folder import FINAL, RunFolder, Tensors
 
@@ -91,27 +91,25 @@ class LesionStudy:
         on_state(len(self.names), len(self.names), "")
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    def _states(self, name: str) -> Iterator[tuple[bool, dict[int, BilateralActorCriticPolicy | None]]]:
+    def _states(self, name: str) -> Iterator[tuple[bool, dict[int, MotorPolicy | None]]]:
         """The policies, lesioned, without and then with retraining; None where it went wrong."""
         lesion = find_lesion(name, self._lesions)
         for policy in self._policies.values():
-            policy.actor.set_lesion(lesion)
+            policy.motor_network.set_lesion(lesion)
         yield False, dict(self._policies)
         if self._retraining is None:
             return
         kept = {seed: _copy(policy) for seed, policy in self._policies.items()}
         rows = self._retraining.run(self._layout.pack(list(kept.values())), list(kept), lesion)
-        adapted: dict[int, BilateralActorCriticPolicy | None] = {}
+        adapted: dict[int, MotorPolicy | None] = {}
         for (seed, policy), row in zip(self._policies.items(), rows, strict=True):
-            policy.actor.load_state_dict({k: t[0] for k, t in self._layout.unpack(row[None]).items()})
+            policy.motor_network.load_state_dict({k: t[0] for k, t in self._layout.unpack(row[None]).items()})
             adapted[seed] = policy if row.isfinite().all() else None
         yield True, adapted
         for seed, policy in self._policies.items():
-            policy.actor.load_state_dict(kept[seed])
+            policy.motor_network.load_state_dict(kept[seed])
 
-    def _test(
-        self, policies: dict[int, BilateralActorCriticPolicy | None], lesion: str, retrained: bool
-    ) -> list[tuple[object, ...]]:
+    def _test(self, policies: dict[int, MotorPolicy | None], lesion: str, retrained: bool) -> list[tuple[object, ...]]:
         config = self.config
         head = (config.model, config.task, config.algo)
         return [
@@ -120,7 +118,7 @@ class LesionStudy:
             for name, value in self._measure(policy, self._metrics).items()
         ]
 
-    def _measure(self, policy: BilateralActorCriticPolicy | None, metrics: Sequence[Metric]) -> dict[str, float]:
+    def _measure(self, policy: MotorPolicy | None, metrics: Sequence[Metric]) -> dict[str, float]:
         if policy is None:
             return {metric.name: float("nan") for metric in metrics}
         return measure(self._evaluator.run(policy), metrics)
@@ -179,5 +177,5 @@ def _lesions_of(profile: str) -> dict[str, Lesion]:
     return RELEASED_LESIONS if profile == "released" else LESIONS
 
 
-def _copy(policy: BilateralActorCriticPolicy) -> Tensors:
-    return {name: tensor.detach().clone() for name, tensor in policy.actor.state_dict().items()}
+def _copy(policy: MotorPolicy) -> Tensors:
+    return {name: tensor.detach().clone() for name, tensor in policy.motor_network.state_dict().items()}

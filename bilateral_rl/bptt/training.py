@@ -20,7 +20,7 @@ from bilateral_rl.controllers import build_network, build_policy, initial_states
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.figures import hand_paths
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.progress import (
     FAILED,
     FINISHED,
@@ -180,7 +180,7 @@ class _Run:
         means["seeds_training"] = len(state.training())
         progress.on_evaluation(state.epoch * updates_per_epoch, means)
 
-    def _draw(self, board: _Tensorboard, policies: dict[int, BilateralActorCriticPolicy]) -> None:
+    def _draw(self, board: _Tensorboard, policies: dict[int, MotorPolicy]) -> None:
         """Hand paths of what each seed does now."""
         trial = self._config.trial
         evaluator = Evaluator(self._config.task, trial, FIGURE_TRIALS, EvaluationConfig().seed)
@@ -197,11 +197,11 @@ class _Run:
             if int(state.seed_state[i]) == SeedState.FAILED
         ]
 
-    def _policies(self) -> dict[int, BilateralActorCriticPolicy]:
-        policies = {}
+    def _policies(self) -> dict[int, MotorPolicy]:
+        policies: dict[int, MotorPolicy] = {}
         for seed, state in self._network_states(self._state.weights).items():
             policies[seed] = build_policy(self._config)
-            policies[seed].actor.load_state_dict(state)
+            policies[seed].motor_network.load_state_dict(state)
             policies[seed].set_training_mode(False)
         return policies
 

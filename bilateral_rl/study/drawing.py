@@ -145,7 +145,7 @@ class _Shown:
         config = run.config()
         policy = load_policy(run, seed=config.seed)
         self.record: TrialRecord = Evaluator(task, config.trial, TRIALS, TRIALS_SEED).run(policy)
-        network = policy.actor
+        network = policy.motor_network
         self.contributions: Contributions | None = None
         if isinstance(network, BilateralNetwork):
             self.contributions = contributions(network, self.record)

@@ -13,7 +13,7 @@ from bilateral_rl.controllers import load_policies, parse_run, seeds_of
 from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, lesion_words
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.video.film import Take
@@ -27,7 +27,7 @@ class Actor:
     config: TrainConfig
     named_seed: int | None
     """The seed in RUN:SEED."""
-    policy: BilateralActorCriticPolicy
+    policy: MotorPolicy
     """Its network, intact."""
 
     @classmethod
@@ -65,7 +65,7 @@ class Actor:
 
     def check_lesion(self, lesion: str) -> None:
         """Raise a UserError if the network cannot have ``lesion``."""
-        network = self.policy.actor
+        network = self.policy.motor_network
         have = (INTACT, *network.available_lesions())
         if lesion not in have:
             raise UserError(
@@ -77,7 +77,7 @@ class Actor:
         """The trials under a lesion, of the run's profile as in ``bilateral-rl lesion``, acting by the mean."""
         released = isinstance(self.config, BPTTConfig) and self.config.profile == "released"
         lesions = RELEASED_LESIONS if released else LESIONS
-        with self.policy.actor.lesioned(lesions.get(lesion, lesion)):
+        with self.policy.motor_network.lesioned(lesions.get(lesion, lesion)):
             record = evaluator.run(self.policy)
         return Take(label, record, threshold)
 

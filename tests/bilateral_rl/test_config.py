@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config import BPTTConfig, RLConfig
+from bilateral_rl.config import BPTTConfig, PPORunConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import from_values, resolve, tuned_defaults
@@ -30,7 +30,7 @@ def test_later_layers_win_over_earlier_ones_and_over_the_tuned_defaults():
     tuned = tuned_defaults("ppo", "random_reach")
     config = resolve(None, None, [{"ppo": {"gamma": 0.5, "n_epochs": 3}}, {"ppo": {"gamma": 0.6}}])
     assert (config.ppo.gamma, config.ppo.n_epochs) == (0.6, 3)
-    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", RLConfig().ppo.learning_rate)
+    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", PPORunConfig().ppo.learning_rate)
 
 
 def test_tuned_defaults_name_only_settings_that_exist():

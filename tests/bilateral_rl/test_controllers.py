@@ -252,4 +252,4 @@ def test_both_kinds_of_runs_hold_networks_of_one_kind(run, bptt_run):
     for state in supervised.values():
         assert {name: t.shape for name, t in state.items()} == {name: t.shape for name, t in reinforced.items()}
     policy = build_policy(run.config())
-    policy.actor.load_state_dict(supervised[0])
+    policy.motor_network.load_state_dict(supervised[0])

@@ -14,7 +14,7 @@ from bilateral_rl.controllers import load_policy
 from bilateral_rl.errors import UserError
 from bilateral_rl.progress import Progress
 from bilateral_rl.resolve import resolve
-from bilateral_rl.rl_training import build_algorithm
+from bilateral_rl.rl_algorithms import build_algorithm
 from bilateral_rl.run_folder import find_runs
 from bilateral_rl.settings import merge
 from bilateral_rl.training import resume, train

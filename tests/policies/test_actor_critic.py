@@ -71,7 +71,7 @@ def push_below_zero(policy):
     """One optimizer step whose gradient drives both combination weights far below zero."""
     policy.optimizer.zero_grad()
     for side in SIDES:
-        getattr(policy.actor, f"combination_{side}").grad = torch.tensor(1.0)
+        getattr(policy.motor_network, f"combination_{side}").grad = torch.tensor(1.0)
     for group in policy.optimizer.param_groups:
         group["lr"] = 10.0
     policy.optimizer.step()
@@ -83,13 +83,13 @@ def push_below_zero(policy):
 def test_stock_algorithms_learn_save_and_load(tmp_path, algorithm, policy, policy_kwargs, architecture, face):
     env = ArmVecEnv(4) if face == "vec_env" else "bilateral_rl/RandomReach-v0"
     model = make_model(algorithm, policy, env, policy_kwargs=policy_kwargs)
-    assert model.policy.actor.architecture == architecture
+    assert model.policy.motor_network.architecture == architecture
     before = copy.deepcopy(model.policy.state_dict())
     model.learn(2 * model.n_steps * model.n_envs)
     assert all(not torch.equal(value, before[name]) for name, value in model.policy.state_dict().items())
     model.save(tmp_path / "model.zip")
     loaded = algorithm.load(tmp_path / "model.zip", device="cpu")
-    assert loaded.policy.actor.architecture == architecture
+    assert loaded.policy.motor_network.architecture == architecture
     assert_same_weights(loaded.policy, model.policy)
     expected, _ = model.predict(observations(), deterministic=True)
     np.testing.assert_array_equal(loaded.predict(observations(), deterministic=True)[0], expected)
@@ -111,7 +111,11 @@ def test_policy_save_and_load_rebuild_the_same_policy(tmp_path, architecture):
     policy.save(tmp_path / "policy.pth")
     loaded = BilateralActorCriticPolicy.load(tmp_path / "policy.pth", device="cpu")
     assert_same_weights(loaded, policy)
-    assert (loaded.actor.architecture, loaded.actor.units, loaded.actor.layers) == (architecture, 12, 3)
+    assert (loaded.motor_network.architecture, loaded.motor_network.units, loaded.motor_network.layers) == (
+        architecture,
+        12,
+        3,
+    )
     np.testing.assert_array_equal(
         loaded.predict(observations(), deterministic=True)[0], policy.predict(observations(), deterministic=True)[0]
     )
@@ -121,7 +125,7 @@ def test_policy_save_and_load_rebuild_the_same_policy(tmp_path, architecture):
 def test_the_deterministic_action_is_the_networks_sigmoid_output(policy):
     policy = make_policy(policy)
     with torch.no_grad():
-        expected = 2 * torch.sigmoid(policy.actor(torch.from_numpy(observations()))).numpy() - 1
+        expected = 2 * torch.sigmoid(policy.motor_network(torch.from_numpy(observations()))).numpy() - 1
     action, _ = policy.predict(observations(), deterministic=True)
     np.testing.assert_allclose(action, expected, rtol=0, atol=1e-6)
 
@@ -133,7 +137,7 @@ def test_actions_are_rescaled_to_any_bounded_box(low, high):
     low, high = np.broadcast_to(np.float32(low), 6), np.broadcast_to(np.float32(high), 6)
     policy = make_policy(actions=spaces.Box(low, high), log_std_init=1.0)
     with torch.no_grad():
-        excitation = policy.actor.excitation(torch.from_numpy(observations())).numpy()
+        excitation = policy.motor_network.excitation(torch.from_numpy(observations())).numpy()
     action, _ = policy.predict(observations(), deterministic=True)
     np.testing.assert_allclose(action, low + excitation * (high - low), rtol=0, atol=3e-6)
     sampled, _ = policy.predict(observations(500), deterministic=False)
@@ -179,14 +183,14 @@ def test_combination_weights_stay_non_negative_under_stock_updates(tmp_path, alg
     model = make_model(algorithm, "CallosalPolicy", ArmVecEnv(4), learning_rate=0.1)
     with torch.no_grad():
         for side in SIDES:
-            getattr(model.policy.actor, f"combination_{side}").fill_(0.05)
+            getattr(model.policy.motor_network, f"combination_{side}").fill_(0.05)
     if loaded:
         model.save(tmp_path / "model.zip")
         model = algorithm.load(tmp_path / "model.zip", env=ArmVecEnv(4), device="cpu")
-    before = watch_combination_weights(model.policy.actor)
+    before = watch_combination_weights(model.policy.motor_network)
     smallest_after = []
     model.policy.optimizer.register_step_post_hook(
-        lambda *_: smallest_after.append(min(model.policy.actor.combination_weights().values()))
+        lambda *_: smallest_after.append(min(model.policy.motor_network.combination_weights().values()))
     )
     model.learn(320)
     assert min(before) < 0, "half a step of this learning rate was meant to take a weight below zero"
@@ -198,14 +202,14 @@ def test_a_copied_policy_keeps_its_combination_weights_non_negative():
     policy = make_policy()
     clone = copy.deepcopy(policy)
     push_below_zero(clone)
-    assert clone.actor.combination_weights() == dict.fromkeys(SIDES, 0.0)
-    assert policy.actor.combination_weights() == dict.fromkeys(SIDES, 0.5)
+    assert clone.motor_network.combination_weights() == dict.fromkeys(SIDES, 0.0)
+    assert policy.motor_network.combination_weights() == dict.fromkeys(SIDES, 0.5)
 
 
 def test_one_step_far_below_zero_ends_at_zero():
     policy = make_policy()
     push_below_zero(policy)
-    assert policy.actor.combination_weights() == dict.fromkeys(SIDES, 0.0)
+    assert policy.motor_network.combination_weights() == dict.fromkeys(SIDES, 0.0)
 
 
 @pytest.mark.parametrize("n_streams", [1, 2])
@@ -229,7 +233,7 @@ def test_log_prob_is_the_density_of_the_squashed_gaussian():
     obs = torch.from_numpy(observations(200))
     with torch.no_grad():
         actions, _, log_prob = policy(obs)
-        mean = policy.actor(obs).double() / 2
+        mean = policy.motor_network(obs).double() / 2
         latent = torch.atanh(actions.double())
         gaussian = torch.distributions.Normal(mean, np.exp(-0.7)).log_prob(latent)
         density = gaussian - torch.log1p(-(actions.double() ** 2))
@@ -248,7 +252,7 @@ def test_the_scalar_value_is_the_mean_of_the_streams():
 
 def test_action_mean_is_half_the_networks_output():
     policy, obs = make_policy(), torch.from_numpy(observations())
-    torch.testing.assert_close(policy.action_mean(obs), policy.actor(obs) / 2)
+    torch.testing.assert_close(policy.action_mean(obs), policy.motor_network(obs) / 2)
 
 
 @pytest.mark.parametrize("architecture", ARCHITECTURES)
@@ -270,7 +274,7 @@ def test_every_parameter_of_a_policy_is_in_exactly_one_group(architecture, n_str
 def test_asking_for_a_policys_groups_leaves_the_networks_own_alone():
     policy = make_policy()
     policy.parameter_groups()
-    assert not any(parameter is policy.log_std for parameter in policy.actor.parameter_groups()["shared"])
+    assert not any(parameter is policy.log_std for parameter in policy.motor_network.parameter_groups()["shared"])
 
 
 class LinearFeatures(BaseFeaturesExtractor):
@@ -293,7 +297,7 @@ def test_a_features_extractors_parameters_are_shared(share):
         assert {id(parameter) for parameter in extractor.parameters()} <= shared
     obs = torch.from_numpy(observations())
     features = policy.pi_features_extractor(obs)
-    torch.testing.assert_close(policy.action_mean(obs), policy.actor(features) / 2)
+    torch.testing.assert_close(policy.action_mean(obs), policy.motor_network(features) / 2)
     torch.testing.assert_close(policy.predict_values(obs), policy.predict_stream_values(obs).mean(dim=1, keepdim=True))
 
 
@@ -306,7 +310,7 @@ def test_other_environments_of_gymnasium_can_be_learned(tmp_path, policy):
     obs = np.random.default_rng(0).uniform(-1, 1, (100, 3)).astype(np.float32)
     torque, _ = loaded.predict(obs, deterministic=True)
     with torch.no_grad():
-        expected = 4 * torch.sigmoid(loaded.policy.actor(torch.from_numpy(obs))).numpy() - 2
+        expected = 4 * torch.sigmoid(loaded.policy.motor_network(torch.from_numpy(obs))).numpy() - 2
     np.testing.assert_allclose(torque, expected, rtol=0, atol=4e-6)
     loaded.learn(16)
 
@@ -314,7 +318,7 @@ def test_other_environments_of_gymnasium_can_be_learned(tmp_path, policy):
 @pytest.mark.parametrize("space", [spaces.Box(-1.0, 1.0, (3, 4)), spaces.Discrete(5)], ids=str)
 def test_observations_are_flattened(space):
     policy = make_policy(observations=space)
-    assert policy.actor.n_inputs == spaces.flatdim(space)
+    assert policy.motor_network.n_inputs == spaces.flatdim(space)
     assert policy.predict(space.sample(), deterministic=True)[0].shape == (6,)
 
 
@@ -326,25 +330,25 @@ def test_actions_keep_the_shape_of_their_box():
 @pytest.mark.parametrize("units", [4, 20])
 def test_the_actors_size_follows_policy_kwargs(units):
     model = make_model(PPO, "CallosalPolicy", ArmVecEnv(1), policy_kwargs={"units": units, "layers": 3})
-    actor = model.policy.actor
+    actor = model.policy.motor_network
     assert [layer.weight.shape[0] for layer in actor.dominant] == [units // 2] * 3
 
 
 def test_a_network_trained_elsewhere_loads_into_a_policy_and_back(random_network):
     network, policy = random_network("callosal"), make_policy()
-    policy.actor.load_state_dict(network.state_dict())
+    policy.motor_network.load_state_dict(network.state_dict())
     action, _ = policy.predict(observations(), deterministic=True)
     with torch.no_grad():
         expected = 2 * network.excitation(torch.from_numpy(observations())).numpy() - 1
     np.testing.assert_allclose(action, expected, rtol=0, atol=1e-6)
-    random_network("callosal", seed=5).load_state_dict(policy.actor.state_dict())
+    random_network("callosal", seed=5).load_state_dict(policy.motor_network.state_dict())
 
 
 @pytest.mark.parametrize("lesion", ["shallow_dominant", "deep_non_dominant", "callosum"])
 def test_a_lesion_of_the_actor_changes_the_policys_actions_and_lifts(lesion):
     policy = make_policy()
     intact, _ = policy.predict(observations(), deterministic=True)
-    with policy.actor.lesioned(lesion):
+    with policy.motor_network.lesioned(lesion):
         lesioned, _ = policy.predict(observations(), deterministic=True)
     assert np.abs(lesioned - intact).max() > 1e-3
     np.testing.assert_array_equal(policy.predict(observations(), deterministic=True)[0], intact)

@@ -81,7 +81,7 @@ def test_the_weight_penalty_touches_exactly_the_groups_it_names(make_model, coll
         torch.manual_seed(1)  # the order of the samples, and so the rounding
         gradients.append(gradients_of_update(model))
     without, with_penalty = gradients
-    values, network = dict(model.policy.named_parameters()), {id(p) for p in model.policy.actor.parameters()}
+    values, network = dict(model.policy.named_parameters()), {id(p) for p in model.policy.motor_network.parameters()}
     for group, names in names_by_group(model).items():
         for name in names:
             weight = factor[group] if id(values[name]) in network else 0.0
@@ -150,17 +150,19 @@ def test_the_logged_combination_weights_are_the_networks(make_model, learn_logge
     capture = learn_logged(model, n_updates=2)
     assert capture["combination/dominant"] != [0.5]
     model.logger.dump()
-    assert {side: capture[f"combination/{side}"][-1] for side in SIDES} == model.policy.actor.combination_weights()
+    assert {
+        side: capture[f"combination/{side}"][-1] for side in SIDES
+    } == model.policy.motor_network.combination_weights()
 
 
 def test_combination_weights_stay_non_negative(make_model):
     model = make_model(learning_rate=0.1)
     with torch.no_grad():
         for side in SIDES:
-            getattr(model.policy.actor, f"combination_{side}").fill_(0.05)
+            getattr(model.policy.motor_network, f"combination_{side}").fill_(0.05)
     smallest = []
     model.policy.optimizer.register_step_post_hook(
-        lambda *_: smallest.append(min(model.policy.actor.combination_weights().values()))
+        lambda *_: smallest.append(min(model.policy.motor_network.combination_weights().values()))
     )
     model.learn(320)
     assert min(smallest) == 0.0, "the learning rate was meant to drive a weight to its bound"
@@ -220,7 +222,7 @@ def test_an_unknown_loss_is_refused_naming_the_valid_ones():
 
 def test_the_policys_other_settings_are_kept(make_model):
     model = make_model(policy_kwargs={"units": 20, "layers": 3, "critic_arch": (8,), "log_std_init": -1.0})
-    assert (model.policy.actor.units, model.policy.actor.layers, model.policy.n_streams) == (20, 3, 2)
+    assert (model.policy.motor_network.units, model.policy.motor_network.layers, model.policy.n_streams) == (20, 3, 2)
     torch.testing.assert_close(model.policy.log_std.detach(), torch.full((6,), -1.0))
 
 

@@ -114,7 +114,7 @@ def test_latent_actions_and_log_probs_are_the_policys(make_model, collect):
     observations = torch.from_numpy(rollout.observations.reshape(-1, 16))
     log_prob = torch.from_numpy(rollout.log_prob.ravel())
     with torch.no_grad():
-        mean = policy.actor(observations) / 2
+        mean = policy.motor_network(observations) / 2
         gaussian = torch.distributions.Normal(mean, policy.log_std.exp()).log_prob(latent).sum(dim=1)
         squashed = policy.get_distribution(observations).log_prob(torch.tanh(latent), latent)
     torch.testing.assert_close(log_prob, gaussian, rtol=1e-5, atol=1e-5)

@@ -35,17 +35,17 @@ class TwoStreams(nn.Module):
 
     def __init__(self, architecture="callosal"):
         super().__init__()
-        self.actor = make_network(architecture, n_inputs=16, n_outputs=6)
+        self.motor_network = make_network(architecture, n_inputs=16, n_outputs=6)
         self.critics = nn.ModuleList(nn.Linear(16, 1) for _ in range(2))
 
     def groups(self):
         critics = {f"critic_{i}": list(critic.parameters()) for i, critic in enumerate(self.critics)}
-        return self.actor.parameter_groups() | critics
+        return self.motor_network.parameter_groups() | critics
 
     def losses(self):
         """Two scalars of one graph, of which each depends on every parameter of the network."""
         x = torch.linspace(-1, 1, 8 * 16).reshape(8, 16).sin()
-        excitation = self.actor.excitation(x)
+        excitation = self.motor_network.excitation(x)
         return [
             (excitation - 0.2).square().mean() + self.critics[0](x).square().mean(),
             3 * (excitation * x[:, :6]).mean() + (self.critics[1](x) - 1).square().mean(),
@@ -140,12 +140,12 @@ def test_adam_does_not_move_a_parameter_without_a_share():
 @pytest.mark.parametrize("architecture", ["bilateral", "callosal"])
 def test_a_lesioned_side_gets_no_gradient_unless_it_speaks_over_the_callosum(architecture):
     model = two_streams(architecture)
-    with model.actor.lesioned("deep_dominant"):
+    with model.motor_network.lesioned("deep_dominant"):
         assign_routed_gradients(model.losses(), model.groups(), shares("specialized"))
-    assert (model.actor.dominant[0].weight.grad is None) == (architecture == "bilateral")
-    assert model.actor.dominant[1].weight.grad is None
-    assert model.actor.combination_dominant.grad is None
-    assert model.actor.combination_non_dominant.grad is not None
+    assert (model.motor_network.dominant[0].weight.grad is None) == (architecture == "bilateral")
+    assert model.motor_network.dominant[1].weight.grad is None
+    assert model.motor_network.combination_dominant.grad is None
+    assert model.motor_network.combination_non_dominant.grad is not None
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -156,7 +156,7 @@ def test_the_penalty_weighs_on_each_group_as_the_paper_says(loss):
 @pytest.mark.parametrize("loss", LOSSES)
 @pytest.mark.parametrize("coefficient", [0.001, 0.7])
 def test_the_penaltys_gradient_is_autograds_of_half_the_squared_weights(loss, coefficient):
-    model = two_streams().actor
+    model = two_streams().motor_network
     with torch.no_grad():
         for parameter in model.parameters():
             parameter.add_(0.1)

@@ -53,7 +53,7 @@ def values_of(results, **wanted):
 def evaluated(folder, policy, lesion, **settings):
     """The same by hand."""
     config, settings = folder.config(), {**SETTINGS, **settings}
-    with policy.actor.lesioned(lesion):
+    with policy.motor_network.lesioned(lesion):
         record = Evaluator(config.task, config.trial, settings["trials"], settings["seed"]).run(policy)
     return pd.Series(measure(record, metrics_of(config.task, THRESHOLDS)))
 
@@ -64,7 +64,7 @@ def retrained_by_hand(folder, seed, lesion, own, penalty="weights", coefficient=
     layout = Layout(build_network(config))
     retraining = Retraining(layout, config.task, config.trial, own, penalty, coefficient, threads=1)
     row = retraining.run(layout.pack([network_states(folder)[seed]]), [seed], lesion)
-    policy.actor.load_state_dict({name: tensor[0] for name, tensor in layout.unpack(row).items()})
+    policy.motor_network.load_state_dict({name: tensor[0] for name, tensor in layout.unpack(row).items()})
     return policy
 
 
@@ -208,7 +208,7 @@ def tested(monkeypatch):
         def run(self, policy, deterministic=True):
             assert deterministic
             assert not policy.training
-            seen.append((policy.actor.lesion, copy.deepcopy(policy.actor.state_dict())))
+            seen.append((policy.motor_network.lesion, copy.deepcopy(policy.motor_network.state_dict())))
             return super().run(policy, deterministic)
 
     monkeypatch.setattr(lesioning, "Evaluator", Watching)

@@ -19,10 +19,10 @@ def test_labels_say_who_acts_and_name_the_folder_only_where_needed(bptt_run, run
 
 def test_the_chosen_weights_act(bptt_run, same_bits):
     run = f"{bptt_run.path}:1"
-    states = {weights: Actor.load(run, weights).policy.actor.state_dict() for weights in ("final", "best")}
+    states = {weights: Actor.load(run, weights).policy.motor_network.state_dict() for weights in ("final", "best")}
     assert not same_bits(states["final"], states["best"])
     for weights, state in states.items():
-        assert same_bits(state, load_policy(run, weights).actor.state_dict())
+        assert same_bits(state, load_policy(run, weights).motor_network.state_dict())
 
 
 def test_a_run_of_the_released_profile_has_the_released_lesions(small_bptt, tmp_path):
@@ -33,7 +33,7 @@ def test_a_run_of_the_released_profile_has_the_released_lesions(small_bptt, tmp_
     name = "callosum_deep_dominant"
     for actor, lesion in zip(actors, (LESIONS[name], RELEASED_LESIONS[name]), strict=True):
         evaluator = Evaluator("random_reach", actor.config.trial, 2, seed=0)
-        with actor.policy.actor.lesioned(lesion):
+        with actor.policy.motor_network.lesioned(lesion):
             expected = evaluator.run(actor.policy).hand
         np.testing.assert_array_equal(actor.perform(evaluator, name, 0.05, "").record.hand, expected)
         assert (actor.perform(evaluator, "intact", 0.05, "").record.hand != expected).any()
