@@ -10,9 +10,10 @@ import torch
 from gymnasium import spaces
 from torch import Tensor, nn
 
+from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.algorithms.routing import stream_mix
 from bilateral_rl.catalogue import find_model
-from bilateral_rl.config import ActorCriticConfig, BPTTConfig, TrainConfig
+from bilateral_rl.config import ActorCriticConfig, BPTTConfig, OffPolicyConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
@@ -47,7 +48,7 @@ def build_network(config: TrainConfig) -> MotorNetwork:
 def build_policy(config: TrainConfig) -> MotorPolicy:
     """An untrained policy of the run's architecture and sizes, on the CPU."""
     low, high = config.trial.observation_bounds()
-    return BilateralActorCriticPolicy(
+    return policy_class(config)(
         spaces.Box(low, high),
         spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
         lr_schedule=lambda _: 0.0,
@@ -56,17 +57,26 @@ def build_policy(config: TrainConfig) -> MotorPolicy:
     )
 
 
+def policy_class(config: TrainConfig) -> type[MotorPolicy]:
+    """The class of the run's policy; a supervised run's network acts in that of PPO and A2C."""
+    algorithm = ALGORITHM_CLASSES.get(config.algo)
+    return BilateralActorCriticPolicy if algorithm is None else algorithm.POLICY_CLASS
+
+
 def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     """Keyword arguments of the run's policy, but for the number of streams."""
     network = config.network
     critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
-    return {
+    arguments = {
         "architecture": find_model(config.model).architecture,
         "units": network.units,
         "layers": network.layers,
         "critic_arch": critics.critic_arch,
         "log_std_init": critics.log_std_init,
     }
+    if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyConfig):
+        arguments["n_critics"] = config.hyperparameters.n_critics
+    return arguments
 
 
 def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors]:
@@ -76,7 +86,7 @@ def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors
     if isinstance(config, BPTTConfig):
         states = _unstack(tensors, config, folder)
     else:
-        key = BilateralActorCriticPolicy.NETWORK_KEY
+        key = policy_class(config).NETWORK_KEY
         states = {config.seed: {k.removeprefix(key): v for k, v in tensors.items() if k.startswith(key)}}
     network = build_network(config)
     for state in states.values():

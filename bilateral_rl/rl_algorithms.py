@@ -10,25 +10,30 @@ from typing import Any
 
 import numpy as np
 import torch
+from stable_baselines3.common.noise import NormalActionNoise
 
-from bilateral_rl.algorithms import HemisphericPPO
+from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
 from bilateral_rl.catalogue import find_model
-from bilateral_rl.config import OnPolicyConfig, PPOConfig, RLConfig
+from bilateral_rl.config import OffPolicyConfig, OnPolicyConfig, PPOConfig, RLConfig, SACConfig, TD3Config
 from bilateral_rl.controllers import policy_arguments
 from bilateral_rl.envs import ArmVecEnv
-from bilateral_rl.policies import BilateralActorCriticPolicy
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.progress import check_device
 
+LOGGED_TRIALS = 4
+"""Trials of every arm between logs of an off-policy training."""
 
-def build_algorithm(config: RLConfig) -> HemisphericPPO:
+
+def build_algorithm(config: RLConfig) -> Hemispheric:
     """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
     check_device(config.device)
     warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
     torch.set_num_threads(config.threads)
     trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
     env = ArmVecEnv(config.n_envs, config.task, device=config.device, **trial)
-    algorithm = HemisphericPPO(
-        BilateralActorCriticPolicy,
+    algorithm_class = ALGORITHM_CLASSES[config.algo]
+    algorithm = algorithm_class(
+        algorithm_class.POLICY_CLASS,
         env,
         loss=find_model(config.model).loss,
         **_arguments(config),
@@ -51,7 +56,20 @@ def _arguments(config: RLConfig) -> dict[str, Any]:
         arguments["ent_coef"] = linear_schedule(given.ent_coef, arguments.pop("final_ent_coef"))
     if isinstance(given, PPOConfig):
         arguments["batch_size"] = _even_batch(given.batch_size, given.n_steps * config.n_envs)
+    if isinstance(given, OffPolicyConfig):
+        del arguments["n_critics"]  # the policy's
+    if isinstance(given, SACConfig):
+        learned = {name: "auto" for name in ("ent_coef", "target_entropy") if arguments[name] is None}
+        arguments |= learned
+    if isinstance(given, TD3Config):
+        noise = np.full(N_MUSCLES, given.action_noise)
+        arguments["action_noise"] = NormalActionNoise(np.zeros(N_MUSCLES), noise)
     return arguments
+
+
+def log_interval(config: RLConfig) -> int:
+    """For ``learn``: every rollout of an on-policy algorithm, every so many trials of an off-policy one."""
+    return 1 if isinstance(config.hyperparameters, OnPolicyConfig) else LOGGED_TRIALS * config.n_envs
 
 
 def _even_batch(largest: int, samples: int) -> int:

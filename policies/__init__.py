@@ -1,10 +1,10 @@
 """The brain: networks, their lesions and parameter groups, and stable-baselines3 policies around them.
 
-Importing this package lets stock ``PPO`` and ``A2C`` take the policies by name: "UnilateralPolicy",
-"BilateralPolicy", "CallosalPolicy".
+Importing this package lets stock ``PPO``, ``A2C``, ``SAC`` and ``TD3`` take the policies by name:
+"UnilateralPolicy", "BilateralPolicy", "CallosalPolicy".
 """
 
-from stable_baselines3 import A2C, PPO
+from stable_baselines3 import A2C, PPO, SAC, TD3
 
 from bilateral_rl.policies.actor_critic import (
     BilateralActorCriticPolicy,
@@ -23,16 +23,18 @@ from bilateral_rl.policies.networks import (
     UnilateralNetwork,
     make_network,
 )
+from bilateral_rl.policies.off_policy import SAC_ALIASES, TD3_ALIASES, BilateralSACPolicy, BilateralTD3Policy
 
 POLICY_ALIASES: dict[str, type[BilateralActorCriticPolicy]] = {
     policy.__name__: policy for policy in (UnilateralPolicy, BilateralPolicy, CallosalPolicy)
 }
 
-for _algorithm in (PPO, A2C):
-    _algorithm.policy_aliases = _algorithm.policy_aliases | POLICY_ALIASES  # type: ignore[assignment]
+for _algorithms, _aliases in (((PPO, A2C), POLICY_ALIASES), ((SAC,), SAC_ALIASES), ((TD3,), TD3_ALIASES)):
+    for _algorithm in _algorithms:
+        _algorithm.policy_aliases = _algorithm.policy_aliases | _aliases  # type: ignore[operator]
 
 __all__ = [
-    "ARCHITECTURES", "GROUPS", "LESIONS", "POLICY_ALIASES", "BilateralActorCriticPolicy", "BilateralNetwork",
-    "BilateralPolicy", "CallosalNetwork", "CallosalPolicy", "Lesion", "MotorNetwork", "MotorPolicy",
-    "UnilateralNetwork", "UnilateralPolicy", "make_network",
+    "ARCHITECTURES", "GROUPS", "LESIONS", "POLICY_ALIASES", "SAC_ALIASES", "TD3_ALIASES", "BilateralActorCriticPolicy",
+    "BilateralNetwork", "BilateralPolicy", "BilateralSACPolicy", "BilateralTD3Policy", "CallosalNetwork",
+    "CallosalPolicy", "Lesion", "MotorNetwork", "MotorPolicy", "UnilateralNetwork", "UnilateralPolicy", "make_network",
 ]  # fmt: skip

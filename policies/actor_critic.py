@@ -12,7 +12,7 @@ from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
-from bilateral_rl.policies.motor_policy import MotorPolicy
+from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
 from bilateral_rl.policies.networks import Architecture, MotorNetwork, make_network
 
 
@@ -56,10 +56,7 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         use_sde: bool = False,
         **kwargs: Any,
     ) -> None:
-        if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
-            raise ValueError(f"the policy commands muscles in a bounded Box, not {action_space}.")
-        if use_sde:
-            raise ValueError("state-dependent exploration (use_sde) is not available for this policy.")
+        check_commands(action_space, use_sde)
         self._network: dict[str, Any] = {
             "architecture": architecture or type(self).architecture,
             "units": units,
@@ -89,14 +86,8 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
         self._constrain_after_steps()
 
-    def _constrain_after_steps(self) -> None:
-        # The projection belongs to every update, also those of SB3's own training loops.
-        self.optimizer.register_step_post_hook(lambda *_: self.motor_network.constrain())
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        # A copied optimizer has lost its hooks.
-        super().__setstate__(state)  # type: ignore[no-untyped-call]
-        self._constrain_after_steps()
+    def _network_optimizer(self) -> torch.optim.Optimizer:
+        return self.optimizer
 
     @property
     def motor_network(self) -> MotorNetwork:

@@ -1,0 +1,150 @@
+"""What every hemispheric algorithm has in common: reward streams, routed updates, logs by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.type_aliases import GymEnv
+from stable_baselines3.common.vec_env import VecEnv
+from torch import Tensor, nn
+
+from bilateral_rl.algorithms.routing import (
+    Loss,
+    add_weight_penalty,
+    assign_routed_gradients,
+    penalty_weights,
+    shares,
+    stream_mix,
+    stream_names,
+)
+from bilateral_rl.policies import MotorPolicy
+
+STREAMS = ("dominant", "non_dominant")
+
+
+class Hemispheric(BaseAlgorithm):
+    """A stable-baselines3 algorithm whose reward is a pair, dominant and non-dominant; mix it into one of SB3's.
+
+    The environment gives the pair as ``venv.last_vector_reward`` (n_envs, 2), or as ``info["vector_reward"]`` (2,).
+    With ``loss`` other than "specialized" there is one stream, and the arithmetic is the SB3 parent's.
+
+    Args:
+        policy: a policy of this package that fits the algorithm, or its alias: "UnilateralPolicy",
+            "BilateralPolicy" or "CallosalPolicy".
+        env: the environment.
+        loss: "specialized", or "combined", "dominant" or "non_dominant" for a single stream.
+        weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4): in full (weight 2) on the
+            non-dominant hemisphere, by half on shared layers, not at all on the dominant hemisphere.
+        reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
+        policy_kwargs: arguments of the policy; it gets ``n_streams`` by itself.
+        **kwargs: everything else, as for the SB3 parent.
+
+    Raises:
+        ValueError: an unknown loss, a policy that is not bilateral_rl's, or observations that are not a Box.
+    """
+
+    policy: MotorPolicy
+    POLICY_CLASS: ClassVar[type[MotorPolicy]]
+    """What ``policy`` must be."""
+
+    def __init__(
+        self,
+        policy: str | type[MotorPolicy],
+        env: GymEnv | str | None,
+        loss: Loss = "specialized",
+        weight_penalty: float = 0.001,
+        reward_scale: float = 1.0,
+        policy_kwargs: dict[str, Any] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        if isinstance(policy, type) and not issubclass(policy, self.POLICY_CLASS):
+            name, wanted = type(self).__name__, self.POLICY_CLASS.__name__
+            raise ValueError(f"{name} needs a {wanted}, not {policy.__name__}.")
+        self.loss = loss
+        self.weight_penalty = weight_penalty
+        self.reward_scale = reward_scale
+        policy_kwargs = {"n_streams": len(stream_mix(loss))} | (policy_kwargs or {})
+        super().__init__(policy, env, policy_kwargs=policy_kwargs, **kwargs)
+
+    def _setup_model(self) -> None:
+        super()._setup_model()  # type: ignore[safe-super]
+        if not isinstance(self.observation_space, spaces.Box):
+            name = type(self).__name__
+            raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
+        self._mix = stream_mix(self.loss)
+        self._shares = shares(self.loss)
+        if self.policy.n_streams != len(self._mix):
+            raise ValueError(
+                f"the loss {self.loss!r} needs {len(self._mix)} critics, but the policy has {self.policy.n_streams}: "
+                "a saved model keeps its loss, and policy_kwargs leave n_streams out."
+            )
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "_mix", "_shares"]
+
+    # --- rewards ----------------------------------------------------------------------------------------------------
+
+    def _stream_rewards(self, env: VecEnv, infos: Sequence[Mapping[str, Any]]) -> NDArray[np.float32]:
+        """(n_envs, n_streams) scaled rewards of the last step."""
+        pair = getattr(env, "last_vector_reward", None)
+        if pair is None:
+            if "vector_reward" not in infos[0]:
+                raise ValueError(
+                    f"{type(self).__name__} needs a pair of rewards, dominant and non-dominant: the environment has "
+                    "neither last_vector_reward (n_envs, 2) nor info['vector_reward'] (2,)."
+                )
+            pair = np.array([info["vector_reward"] for info in infos], dtype=np.float32)
+        return np.asarray(pair @ self._mix.T * self.reward_scale, dtype=np.float32)
+
+    # --- updates ----------------------------------------------------------------------------------------------------
+
+    def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
+        """Every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
+        return self.policy.parameter_groups()
+
+    def _route(self, losses: Sequence[Tensor], groups: Mapping[str, Sequence[nn.Parameter]]) -> None:
+        """Set the gradient of every parameter of ``groups`` from the streams' losses, and the weight penalty's."""
+        assign_routed_gradients(losses, groups, self._shares)
+        network = self.policy.motor_network.parameter_groups()
+        add_weight_penalty(network, penalty_weights(self.loss), self.weight_penalty)
+
+    # --- logs -------------------------------------------------------------------------------------------------------
+
+    def _update_info_buffer(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_] | None = None) -> None:
+        _name_stream_returns(infos)
+        super()._update_info_buffer(infos, dones)
+
+    def _log_stream_returns(self) -> None:
+        """Log the mean return of each stream over the last trials."""
+        assert self.ep_info_buffer is not None
+        for stream in STREAMS:
+            returns = [info[stream] for info in self.ep_info_buffer if stream in info]
+            if returns:
+                self.logger.record(f"return/{stream}", float(np.mean(returns)))
+
+    def _log_averages(self, log: Mapping[str, Sequence[Tensor]]) -> None:
+        """Log averages over the updates: numbers by their name, (n_streams,) tensors as one number a stream."""
+        for name, values in log.items():
+            average = torch.stack(list(values)).mean(dim=0).cpu()
+            if average.ndim:
+                for stream, value in zip(stream_names(self.loss), average.tolist(), strict=True):
+                    self.logger.record(f"{name}/{stream}", value)
+            else:
+                self.logger.record(name, average.item())
+        for side, weight in getattr(self.policy.motor_network, "combination_weights", dict)().items():
+            self.logger.record(f"combination/{side}", weight)
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+
+
+def _name_stream_returns(infos: Sequence[dict[str, Any]]) -> None:
+    """Put the streams' returns where SB3 keeps episode statistics; a Monitor in between leaves them out."""
+    for info in infos:
+        if "episode" in info and "vector_return" in info:
+            dominant, non_dominant = (float(value) for value in info["vector_return"])
+            info["episode"] |= {"dominant": dominant, "non_dominant": non_dominant}

@@ -1,0 +1,115 @@
+"""What hemispheric SAC and TD3 have in common: stream rewards in the replay buffer, a routed actor, stream critics."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.policies import ContinuousCritic
+from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from torch import Tensor, nn
+
+from bilateral_rl.algorithms.hemispheric import Hemispheric
+from bilateral_rl.algorithms.routing import stream_mix
+from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer
+from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
+
+Log = defaultdict[str, list[Tensor]]
+
+
+class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
+    """Stores a reward for each stream, trains critics for each, and routes what they say to the network."""
+
+    policy: BilateralOffPolicyPolicy
+    critic: ContinuousCritic
+    critic_target: ContinuousCritic
+
+    _CRITIC_LOSS = 1.0
+    """Factor on the mean squared error of each critic, as in the SB3 parent."""
+
+    def _setup_model(self) -> None:
+        if self.replay_buffer_class not in (None, StreamReplayBuffer):
+            raise ValueError(f"{type(self).__name__} needs its own replay buffer: leave replay_buffer_class out.")
+        if self.n_steps != 1:
+            raise ValueError(f"{type(self).__name__} has no returns of several steps: leave n_steps out.")
+        self.replay_buffer_class = StreamReplayBuffer
+        self.replay_buffer_kwargs = self.replay_buffer_kwargs | {"n_streams": len(stream_mix(self.loss))}
+        super()._setup_model()
+
+    def _store_transition(
+        self,
+        replay_buffer: ReplayBuffer,
+        buffer_action: NDArray[Any],
+        new_obs: NDArray[Any] | dict[str, NDArray[Any]],
+        reward: NDArray[Any],
+        dones: NDArray[Any],
+        infos: list[dict[str, Any]],
+    ) -> None:
+        assert isinstance(replay_buffer, StreamReplayBuffer)
+        assert self.env is not None
+        replay_buffer.next_rewards = self._stream_rewards(self.env, infos)
+        super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
+
+    # --- training ---------------------------------------------------------------------------------------------------
+
+    def train(self, gradient_steps: int, batch_size: int = 256) -> None:
+        """Sample the replay buffer and update, ``gradient_steps`` times."""
+        self.policy.set_training_mode(True)
+        self._update_learning_rate(self._optimizers())
+        assert self.replay_buffer is not None
+        log: Log = defaultdict(list)
+        for _ in range(gradient_steps):
+            self._n_updates += 1
+            self._update(self.replay_buffer.sample(batch_size, env=self._vec_normalize_env), log)
+        self._log_averages(log)
+
+    @abstractmethod
+    def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
+        """One update of critics, network and targets."""
+
+    def _optimizers(self) -> list[torch.optim.Optimizer]:
+        return [self.policy.actor.optimizer, self.critic.optimizer]
+
+    def _values(self, critic: ContinuousCritic, observations: Tensor, actions: Tensor) -> Tensor:
+        """(b, n_streams, n_critics): what every critic of every stream says."""
+        values = torch.cat(critic(observations, actions), dim=1)
+        return values.reshape(len(values), self.policy.n_streams, -1)
+
+    def _update_critics(self, batch: ReplayBufferSamples, next_values: Tensor, log: Log) -> None:
+        """One step of every critic towards its stream's reward and ``next_values`` (b, n_streams) behind it."""
+        target = batch.rewards + (1 - batch.dones) * self.gamma * next_values
+        values = self._values(self.critic, batch.observations, batch.actions)
+        loss = self._CRITIC_LOSS * (values - target[..., None]).square().mean(dim=0).sum(dim=1)
+        self.critic.optimizer.zero_grad()
+        loss.sum().backward()  # streams share no critic
+        self.critic.optimizer.step()
+        log["critic_loss"].append(loss.detach())
+        log["value"].append(values.detach().mean(dim=(0, 2)))
+
+    def _update_network(
+        self, losses: Tensor, groups: Mapping[str, Sequence[nn.Parameter]], others: Sequence[torch.optim.Optimizer] = ()
+    ) -> None:
+        """One step of the network, and of ``others``, along the routed gradients of the losses (n_streams,)."""
+        self._route(list(losses.unbind()), groups)
+        for optimizer in (self.policy.actor.optimizer, *others):
+            optimizer.step()
+
+    def _actor_groups(self) -> dict[str, list[nn.Parameter]]:
+        """:meth:`parameter_groups` without the critics."""
+        return {name: group for name, group in self.parameter_groups().items() if not name.startswith("critic_")}
+
+    # --- logs -------------------------------------------------------------------------------------------------------
+
+    def dump_logs(self) -> None:
+        """SB3's log, and the mean return of each stream over the last trials."""
+        self._log_stream_returns()
+        super().dump_logs()
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "critic", "critic_target"]

@@ -1,0 +1,248 @@
+"""The networks as stable-baselines3 policies for SAC and TD3."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.distributions import SquashedDiagGaussianDistribution
+from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+from stable_baselines3.common.preprocessing import get_action_dim
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
+from torch import Tensor, nn
+
+from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
+from bilateral_rl.policies.networks import Architecture, MotorNetwork, make_network
+
+LOG_STD_BOUNDS = (-20.0, 2.0)
+"""As in SB3's SAC."""
+
+
+class MotorActor(BasePolicy):
+    """SB3's actor: one of the paper's networks, half of whose output goes through tanh.
+
+    Args:
+        observation_space: any space that SB3 flattens.
+        action_space: a bounded Box.
+        features_extractor: from observations to features.
+        features_dim: their number.
+        network: arguments of :func:`~bilateral_rl.policies.networks.make_network`.
+        log_std_init: log of the initial standard deviation before the squashing, of every action alike whatever is
+            observed; None for a deterministic actor.
+        normalize_images: as for SB3's policies.
+    """
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Box,
+        features_extractor: BaseFeaturesExtractor,
+        features_dim: int,
+        network: dict[str, Any],
+        log_std_init: float | None,
+        normalize_images: bool = True,
+    ) -> None:
+        super().__init__(
+            observation_space,
+            action_space,
+            features_extractor=features_extractor,
+            normalize_images=normalize_images,
+            squash_output=True,
+        )
+        n_actions = get_action_dim(action_space)
+        self.network = make_network(n_inputs=features_dim, n_outputs=n_actions, **network)
+        if log_std_init is not None:
+            self.action_dist = SquashedDiagGaussianDistribution(n_actions)
+            self.log_std = nn.Parameter(torch.full((n_actions,), float(log_std_init)))
+
+    def action_mean(self, obs: PyTorchObs) -> Tensor:
+        """(n, n_actions): mean of the Gaussian before the squashing."""
+        return self.network(self.extract_features(obs, self.features_extractor)) / 2  # type: ignore[no-any-return]
+
+    def action_log_prob(self, obs: PyTorchObs) -> tuple[Tensor, Tensor]:
+        """Sampled actions (n, n_actions) in [-1, 1] and the log of their density (n,)."""
+        return self.action_dist.log_prob_from_params(self.action_mean(obs), self._bounded_log_std())
+
+    def forward(self, obs: PyTorchObs, deterministic: bool = False) -> Tensor:
+        mean = self.action_mean(obs)
+        if deterministic or not self.is_stochastic:
+            return torch.tanh(mean)
+        return self.action_dist.actions_from_params(mean, self._bounded_log_std())
+
+    @property
+    def is_stochastic(self) -> bool:
+        """Whether it has a standard deviation."""
+        return hasattr(self, "log_std")
+
+    def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> Tensor:
+        return self(observation, deterministic)  # type: ignore[no-any-return]
+
+    def _bounded_log_std(self) -> Tensor:
+        return self.log_std.clamp(*LOG_STD_BOUNDS)
+
+
+class BilateralOffPolicyPolicy(MotorPolicy):
+    """What the policies for SAC and TD3 have in common; mix it into one of SB3's.
+
+    The deterministic action on muscles commanded in [-1, 1] is exactly the network's sigmoid output, as
+    sigmoid(z) = (tanh(z / 2) + 1) / 2. The critics are SB3's: the first ``n_critics`` are the first stream's, and so
+    on.
+
+    Args:
+        observation_space: any space that SB3 flattens.
+        action_space: a bounded Box.
+        lr_schedule: learning rate by remaining progress.
+        architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases have one by default.
+        units: units per hidden layer of the network, over both sides.
+        layers: hidden layers of the network.
+        critic_arch: units of each hidden layer of a critic.
+        n_critics: critics of each stream.
+        n_streams: reward streams.
+        log_std_init: log of the initial standard deviation, before the squashing; SAC only.
+        **kwargs: as for SB3's policy.
+
+    Raises:
+        ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or gSDE.
+    """
+
+    NETWORK_KEY = "actor.network."
+    architecture: ClassVar[Architecture] = "bilateral"
+    stochastic: ClassVar[bool]
+    actor: MotorActor
+    critic: ContinuousCritic
+
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        lr_schedule: Schedule,
+        architecture: Architecture | None = None,
+        units: int = 10,
+        layers: int = 2,
+        critic_arch: tuple[int, ...] = (64, 64),
+        n_critics: int = 2,
+        n_streams: int = 1,
+        log_std_init: float = 0.0,
+        use_sde: bool = False,
+        **kwargs: Any,
+    ) -> None:
+        check_commands(action_space, use_sde)
+        self._network: dict[str, Any] = {
+            "architecture": architecture or type(self).architecture,
+            "units": units,
+            "layers": layers,
+        }
+        self._log_std_init = log_std_init
+        self.critic_arch = tuple(critic_arch)
+        self.n_critics, self.n_streams = n_critics, n_streams
+        super().__init__(
+            observation_space,
+            action_space,
+            lr_schedule,
+            net_arch={"pi": [], "qf": list(critic_arch)},
+            n_critics=n_critics * n_streams,
+            **kwargs,
+        )
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> MotorActor:
+        """A fresh actor."""
+        arguments = {
+            "observation_space": self.observation_space,
+            "action_space": self.action_space,
+            "normalize_images": self.normalize_images,
+            "network": self._network,
+            "log_std_init": self._log_std_init if self.stochastic else None,
+        }
+        return MotorActor(**self._update_features_extractor(arguments, features_extractor)).to(self.device)
+
+    def _build(self, lr_schedule: Schedule) -> None:
+        super()._build(lr_schedule)  # type: ignore[misc]
+        self._constrain_after_steps()
+
+    def _network_optimizer(self) -> torch.optim.Optimizer:
+        return self.actor.optimizer
+
+    @property
+    def motor_network(self) -> MotorNetwork:
+        return self.actor.network
+
+    def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
+        """Every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, ….
+
+        The action's standard deviation, and features extractors' parameters if there are any, are shared.
+        """
+        groups = self.motor_network.parameter_groups()
+        for stream in range(self.n_streams):
+            critics = self.critic.q_networks[stream * self.n_critics : (stream + 1) * self.n_critics]
+            groups[f"critic_{stream}"] = [parameter for critic in critics for parameter in critic.parameters()]
+        owned = {id(parameter) for group in groups.values() for parameter in group}
+        trained = [*self.actor.parameters(), *self.critic.parameters()]
+        groups["shared"] += [parameter for parameter in trained if id(parameter) not in owned]
+        return groups
+
+    def first_values(self, observations: Tensor, actions: Tensor) -> Tensor:
+        """(b, n_streams): what the first critic of each stream says."""
+        critic = self.critic
+        features = critic.extract_features(observations, critic.features_extractor)
+        inputs = torch.cat([features, actions], dim=1)
+        return torch.cat([network(inputs) for network in critic.q_networks[:: self.n_critics]], dim=1)
+
+    def _get_constructor_parameters(self) -> dict[str, Any]:
+        data = super()._get_constructor_parameters()
+        for name in ("net_arch", "use_sde", "use_expln", "clip_mean"):
+            data.pop(name, None)
+        own = {"critic_arch": self.critic_arch, "n_critics": self.n_critics, "n_streams": self.n_streams}
+        return data | self._network | own | {"log_std_init": self._log_std_init}
+
+
+class BilateralSACPolicy(BilateralOffPolicyPolicy, SACPolicy):  # type: ignore[misc] # an actor of our own
+    """SAC's policy whose actor is one of the paper's networks."""
+
+    stochastic = True
+
+
+class BilateralTD3Policy(BilateralOffPolicyPolicy, TD3Policy):  # type: ignore[misc] # an actor of our own
+    """TD3's policy whose actor is one of the paper's networks."""
+
+    stochastic = False
+    actor_target: MotorActor  # type: ignore[assignment]
+
+
+class UnilateralSACPolicy(BilateralSACPolicy):
+    """:class:`BilateralSACPolicy` with the unilateral network."""
+
+    architecture = "unilateral"
+
+
+class CallosalSACPolicy(BilateralSACPolicy):
+    """:class:`BilateralSACPolicy` with the bilateral network and its callosum."""
+
+    architecture = "callosal"
+
+
+class UnilateralTD3Policy(BilateralTD3Policy):
+    """:class:`BilateralTD3Policy` with the unilateral network."""
+
+    architecture = "unilateral"
+
+
+class CallosalTD3Policy(BilateralTD3Policy):
+    """:class:`BilateralTD3Policy` with the bilateral network and its callosum."""
+
+    architecture = "callosal"
+
+
+SAC_ALIASES: dict[str, type[BilateralSACPolicy]] = {
+    "UnilateralPolicy": UnilateralSACPolicy,
+    "BilateralPolicy": BilateralSACPolicy,
+    "CallosalPolicy": CallosalSACPolicy,
+}
+TD3_ALIASES: dict[str, type[BilateralTD3Policy]] = {
+    "UnilateralPolicy": UnilateralTD3Policy,
+    "BilateralPolicy": BilateralTD3Policy,
+    "CallosalPolicy": CallosalTD3Policy,
+}
