@@ -83,6 +83,7 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         self.action_net = nn.Identity()  # type: ignore[assignment]
         self.value_net = _MeanOfStreams()  # type: ignore[assignment]
         self.log_std = nn.Parameter(torch.full((n_actions,), float(self.log_std_init)))
+        self._use_fused_adam()
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
         self._constrain_after_steps()
 

@@ -32,6 +32,11 @@ class MotorPolicy(BasePolicy):
         """Every trained parameter of the policy by owner: the network's three groups, then ``critic_0``, …."""
         raise NotImplementedError
 
+    def _use_fused_adam(self) -> None:
+        # A small network's update is mostly overhead, of which the fused kernel has a third.
+        if self.optimizer_class is torch.optim.Adam:
+            self.optimizer_kwargs = {"fused": True} | self.optimizer_kwargs
+
     def _network_optimizer(self) -> torch.optim.Optimizer:
         """What updates the network."""
         raise NotImplementedError

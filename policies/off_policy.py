@@ -160,6 +160,7 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         return MotorActor(**self._update_features_extractor(arguments, features_extractor)).to(self.device)
 
     def _build(self, lr_schedule: Schedule) -> None:
+        self._use_fused_adam()
         super()._build(lr_schedule)  # type: ignore[misc]
         self._constrain_after_steps()
 

@@ -79,6 +79,9 @@ class Hemispheric(BaseAlgorithm):
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
         self._mix = stream_mix(self.loss)
         self._shares = shares(self.loss)
+        # Walking through a policy costs a millisecond, so it is done once.
+        self._groups = self.parameter_groups()
+        self._network_groups = self.policy.motor_network.parameter_groups()
         if self.policy.n_streams != len(self._mix):
             raise ValueError(
                 f"the loss {self.loss!r} needs {len(self._mix)} critics, but the policy has {self.policy.n_streams}: "
@@ -86,7 +89,7 @@ class Hemispheric(BaseAlgorithm):
             )
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_mix", "_shares"]
+        return [*super()._excluded_save_params(), "_mix", "_shares", "_groups", "_network_groups"]
 
     # --- rewards ----------------------------------------------------------------------------------------------------
 
@@ -111,8 +114,7 @@ class Hemispheric(BaseAlgorithm):
     def _route(self, losses: Sequence[Tensor], groups: Mapping[str, Sequence[nn.Parameter]]) -> None:
         """Set the gradient of every parameter of ``groups`` from the streams' losses, and the weight penalty's."""
         assign_routed_gradients(losses, groups, self._shares)
-        network = self.policy.motor_network.parameter_groups()
-        add_weight_penalty(network, penalty_weights(self.loss), self.weight_penalty)
+        add_weight_penalty(self._network_groups, penalty_weights(self.loss), self.weight_penalty)
 
     # --- logs -------------------------------------------------------------------------------------------------------
 

@@ -8,7 +8,6 @@ import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
-from stable_baselines3.common.utils import polyak_update
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy, Log
@@ -58,9 +57,9 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         log["train/ent_coef"].append(ent_coef.squeeze())
         log["train/entropy"].append(-log_prob.detach().mean())
         losses = losses + self._temperature_loss(log_prob.detach())
-        self._update_network(losses, self._actor_groups(), self._temperature_optimizers())
+        self._update_network(losses, self._temperature_optimizers())
         if self._n_updates % self.target_update_interval == 0:
-            polyak_update(self.critic.parameters(), self.critic_target.parameters(), self.tau)
+            self._follow(self.critic, self.critic_target)
 
     def _temperature(self) -> Tensor:
         return self.ent_coef_tensor if self.log_ent_coef is None else self.log_ent_coef.detach().exp()

@@ -8,7 +8,6 @@ import torch
 from stable_baselines3 import TD3
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
-from stable_baselines3.common.utils import polyak_update
 
 from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy, Log
 from bilateral_rl.policies.off_policy import TD3_ALIASES, BilateralTD3Policy
@@ -38,6 +37,6 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         if self._n_updates % self.policy_delay == 0:
             losses = -policy.first_values(batch.observations, policy.actor(batch.observations)).mean(dim=0)
             log["actor_loss"].append(losses.detach())
-            self._update_network(losses, self._actor_groups())
-            polyak_update(self.critic.parameters(), self.critic_target.parameters(), self.tau)
-            polyak_update(policy.actor.parameters(), policy.actor_target.parameters(), self.tau)
+            self._update_network(losses)
+            self._follow(self.critic, self.critic_target)
+            self._follow(policy.actor, policy.actor_target)

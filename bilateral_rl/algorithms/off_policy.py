@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -41,6 +41,7 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         self.replay_buffer_class = StreamReplayBuffer
         self.replay_buffer_kwargs = self.replay_buffer_kwargs | {"n_streams": len(stream_mix(self.loss))}
         super()._setup_model()
+        self._actor_groups = {name: group for name, group in self._groups.items() if not name.startswith("critic_")}
 
     def _store_transition(
         self,
@@ -92,17 +93,16 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         log["critic_loss"].append(loss.detach())
         log["value"].append(values.detach().mean(dim=(0, 2)))
 
-    def _update_network(
-        self, losses: Tensor, groups: Mapping[str, Sequence[nn.Parameter]], others: Sequence[torch.optim.Optimizer] = ()
-    ) -> None:
+    def _update_network(self, losses: Tensor, others: Sequence[torch.optim.Optimizer] = ()) -> None:
         """One step of the network, and of ``others``, along the routed gradients of the losses (n_streams,)."""
-        self._route(list(losses.unbind()), groups)
+        self._route(list(losses.unbind()), self._actor_groups)
         for optimizer in (self.policy.actor.optimizer, *others):
             optimizer.step()
 
-    def _actor_groups(self) -> dict[str, list[nn.Parameter]]:
-        """:meth:`parameter_groups` without the critics."""
-        return {name: group for name, group in self.parameter_groups().items() if not name.startswith("critic_")}
+    def _follow(self, network: nn.Module, target: nn.Module) -> None:
+        """Move a target network a little towards its network."""
+        with torch.no_grad():
+            torch._foreach_lerp_(list(target.parameters()), list(network.parameters()), self.tau)
 
     # --- logs -------------------------------------------------------------------------------------------------------
 
@@ -112,4 +112,4 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         super().dump_logs()
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "critic", "critic_target"]
+        return [*super()._excluded_save_params(), "_actor_groups"]

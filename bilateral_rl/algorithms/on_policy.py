@@ -141,9 +141,8 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
 
     def _step(self, losses: list[Tensor], log: Log) -> None:
         """One update from the streams' losses."""
-        groups = self.parameter_groups()
-        self._route(losses, groups)
-        norms = clip_group_gradients(groups, self.max_grad_norm)
+        self._route(losses, self._groups)
+        norms = clip_group_gradients(self._groups, self.max_grad_norm)
         self.policy.optimizer.step()
         for name, (before, after) in norms.items():
             log[f"gradient_norm/{name}"].append(before)
