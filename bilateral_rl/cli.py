@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
 from bilateral_rl.errors import UserError
+from bilateral_rl.terminal import Terminal
 
 app = typer.Typer(
     help="Two-hemisphere motor controllers on a six-muscle arm, trained with stable-baselines3.",
@@ -19,8 +20,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-console = Console()
-errors = Console(stderr=True)
+console = Terminal()
+errors = Terminal(stderr=True)
 
 RUNS = Path("runs")
 Run = Annotated[
@@ -32,7 +33,7 @@ Out = Annotated[Path, typer.Option(help="Folder of all runs.")]
 @app.command()
 def train(
     algo: Annotated[
-        str | None, typer.Option(help="ppo or bptt (supervised, as in the paper).", show_default="ppo")
+        str | None, typer.Option(help="ppo, a2c, sac, td3, or bptt (supervised, as in the paper).", show_default="ppo")
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="uni_b, uni_dl, uni_ndl, bi_ns, bi_s, cc_ns or cc_s.", show_default="cc_s")
@@ -41,7 +42,7 @@ def train(
         str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
     ] = None,
     timesteps: Annotated[
-        int | None, typer.Option(help="Environment steps, over all arms (ppo).", show_default="12000000")
+        int | None, typer.Option(help="Environment steps, over all arms (not bptt).", show_default="12000000 by ppo")
     ] = None,
     epochs: Annotated[int | None, typer.Option(help="At most so many (bptt).", show_default="100")] = None,
     seeds: Annotated[
@@ -52,7 +53,9 @@ def train(
         typer.Option(help="Weight penalty: paper, or released for its code's (bptt).", show_default="paper"),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.", show_default="0")] = None,
-    n_envs: Annotated[int | None, typer.Option(help="Arms simulated at once (ppo).", show_default="1024")] = None,
+    n_envs: Annotated[
+        int | None, typer.Option(help="Arms simulated at once (not bptt).", show_default="1024 by ppo")
+    ] = None,
     units: Annotated[
         int | None, typer.Option(help="Units per hidden layer, over both sides.", show_default="10")
     ] = None,
@@ -62,6 +65,10 @@ def train(
     init_from: Annotated[
         str | None, typer.Option(metavar="RUN[:SEED]", help="Begin with this run's network, whatever trained it.")
     ] = None,
+    track: Annotated[
+        bool | None,
+        typer.Option("--track/--no-track", help="Log to Weights & Biases too (extra: track).", show_default="no"),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of all runs.", show_default="runs")] = None,
     config: Annotated[Path | None, typer.Option(help="Settings from a YAML or JSON file.")] = None,
     overrides: Annotated[
@@ -69,7 +76,8 @@ def train(
         typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
     ] = None,
     resume: Annotated[
-        Path | None, typer.Option(help="Go on with this run; only --timesteps or --epochs, and --device go with it.")
+        Path | None,
+        typer.Option(help="Go on with this run; only --timesteps or --epochs, --device and --track go with it."),
     ] = None,
 ) -> None:
     """Train a model. The bare command trains cc_s to reach with PPO, in a few minutes."""
@@ -77,7 +85,7 @@ def train(
 
     flags: dict[str, Any] = {
         "timesteps": timesteps, "epochs": epochs, "seeds": seeds, "profile": profile,
-        "seed": seed, "n_envs": n_envs, "device": device, "init_from": init_from,
+        "seed": seed, "n_envs": n_envs, "device": device, "init_from": init_from, "track": track,
         "network.units": units, "network.layers": layers, "trial.threshold": threshold,
     }  # fmt: skip
     if resume is not None:
@@ -170,7 +178,7 @@ def render(
 
 @app.command()
 def reproduce(
-    algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo.")] = "bptt",
+    algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo, a2c, sac, td3.")] = "bptt",
     profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
     seeds: Annotated[int | None, typer.Option(help="Networks of each model.", show_default="10; 3 if quick")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A preview: 3 seeds, short trainings.")] = False,
@@ -196,7 +204,7 @@ def sweep(
         list[str],
         typer.Option(metavar="KEY=V,V,…", help="A setting and its values; may be repeated. model and task are two."),
     ],
-    algo: Annotated[str, typer.Option(help="ppo or bptt.")] = "bptt",
+    algo: Annotated[str, typer.Option(help="bptt, ppo, a2c, sac or td3.")] = "bptt",
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
     ] = None,
@@ -217,6 +225,27 @@ def sweep(
     command.sweep(algo, grid, overrides or [], metrics, trials, jobs, ray, out, console)
 
 
+@app.command("import")
+def import_(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL.zip", help="Saved by stable-baselines3, with a policy of bilateral_rl.")
+    ],
+    task: Annotated[str, typer.Option(help="What it was trained for: random_reach or hold_position.")],
+    trust_pickle: Annotated[
+        bool, typer.Option("--trust-pickle", help="Load it although that executes whatever its author wants.")
+    ] = False,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="What the file does not tell, such as trial.threshold=0.03."),
+    ] = None,
+    out: Out = RUNS,
+) -> None:
+    """Make a run of a model saved by stable-baselines3, so that every other command can take it."""
+    from bilateral_rl.commands import import_model as command
+
+    command.import_zip(model, task, trust_pickle, overrides or [], out, console)
+
+
 @app.command("list")
 def list_(out: Out = RUNS) -> None:
     """Show the models, tasks and algorithms there are, and the runs made so far."""
@@ -225,16 +254,21 @@ def list_(out: Out = RUNS) -> None:
     command.list_all(out, console)
 
 
-def main() -> None:
-    """Entry point of ``bilateral-rl``: errors meant for people are one line and exit code 2."""
+def run(program: Callable[[], object]) -> None:
+    """Run a whole program: errors meant for people are one line and exit code 2."""
     try:
-        app()
+        program()
     except UserError as error:
         errors.print(f"[red]Error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
         sys.exit(2)
     except KeyboardInterrupt:
         errors.print("Interrupted.")
         sys.exit(130)
+
+
+def main() -> None:
+    """Entry point of ``bilateral-rl``."""
+    run(app)
 
 
 if __name__ == "__main__":

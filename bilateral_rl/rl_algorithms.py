@@ -20,9 +20,6 @@ from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.progress import check_device
 
-LOGGED_TRIALS = 4
-"""Trials of every arm between logs of an off-policy training."""
-
 
 def build_algorithm(config: RLConfig) -> Hemispheric:
     """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
@@ -36,7 +33,7 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
         algorithm_class.POLICY_CLASS,
         env,
         loss=find_model(config.model).loss,
-        **_arguments(config),
+        **algorithm_arguments(config),
         stats_window_size=max(100, config.n_envs),
         policy_kwargs=policy_arguments(config),
         seed=config.seed,
@@ -47,7 +44,7 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
     return algorithm
 
 
-def _arguments(config: RLConfig) -> dict[str, Any]:
+def algorithm_arguments(config: RLConfig) -> dict[str, Any]:
     """The hyperparameters as the algorithm takes them."""
     given = config.hyperparameters
     arguments = {f.name: getattr(given, f.name) for f in dataclasses.fields(given)}
@@ -59,17 +56,13 @@ def _arguments(config: RLConfig) -> dict[str, Any]:
     if isinstance(given, OffPolicyConfig):
         del arguments["n_critics"]  # the policy's
     if isinstance(given, SACConfig):
-        learned = {name: "auto" for name in ("ent_coef", "target_entropy") if arguments[name] is None}
-        arguments |= learned
+        initial = arguments.pop("initial_ent_coef")
+        arguments["ent_coef"] = f"auto_{initial}" if given.ent_coef is None else given.ent_coef
+        arguments["target_entropy"] = "auto" if given.target_entropy is None else given.target_entropy
     if isinstance(given, TD3Config):
         noise = np.full(N_MUSCLES, given.action_noise)
         arguments["action_noise"] = NormalActionNoise(np.zeros(N_MUSCLES), noise)
     return arguments
-
-
-def log_interval(config: RLConfig) -> int:
-    """For ``learn``: every rollout of an on-policy algorithm, every so many trials of an off-policy one."""
-    return 1 if isinstance(config.hyperparameters, OnPolicyConfig) else LOGGED_TRIALS * config.n_envs
 
 
 def _even_batch(largest: int, samples: int) -> int:

@@ -11,6 +11,7 @@ from bilateral_rl.envs.arm_vec_env import ArmVecEnv
 from bilateral_rl.envs.arm_vector_env import ArmVectorEnv
 from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, Task, Trials
 from bilateral_rl.envs.trials import TrialSettings
+from bilateral_rl.envs.vector_reward import Transition, VectorReward
 
 ENVIRONMENT_IDS = {"random_reach": "bilateral_rl/RandomReach-v0", "hold_position": "bilateral_rl/HoldPosition-v0"}
 """Gymnasium's name of each task."""
@@ -25,6 +26,20 @@ for _task, _id in ENVIRONMENT_IDS.items():
         )
 
 __all__ = [
-    "ENVIRONMENT_IDS", "MUSCLE_NAMES", "TASKS", "Arm", "ArmEnv", "ArmParameters", "ArmState", "ArmVecEnv",
-    "ArmVectorEnv", "HoldPosition", "RandomReach", "Task", "TrialSettings", "Trials",
+    "ENVIRONMENT_IDS",
+    "MUSCLE_NAMES",
+    "TASKS",
+    "Arm",
+    "ArmEnv",
+    "ArmParameters",
+    "ArmState",
+    "ArmVecEnv",
+    "ArmVectorEnv",
+    "HoldPosition",
+    "RandomReach",
+    "Task",
+    "Transition",
+    "TrialSettings",
+    "Trials",
+    "VectorReward",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The package as it is installed and as the README shows it."""
+"""The package as it is installed."""
 
 import re
 import subprocess
@@ -9,8 +9,6 @@ from pathlib import Path
 import pytest
 
 import bilateral_rl
-from bilateral_rl.resolve import resolve
-from bilateral_rl.training import train
 
 ROOT = Path(__file__).parents[1]
 
@@ -30,6 +28,7 @@ def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
     own = python_files(ROOT / "bilateral_rl")
     expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
     data = {"defaults.yaml", "py.typed", "study/report.html.jinja"}
+    data |= {f"zoo/hyperparams/{path.name}" for path in (ROOT / "bilateral_rl/zoo/hyperparams").iterdir()}
     assert names == expected | {f"bilateral_rl/{name}" for name in data}
 
 
@@ -56,21 +55,3 @@ def test_start_up_is_silent():
     code = "import bilateral_rl; bilateral_rl.envs.ArmEnv().reset(seed=0)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("", "")
-
-
-@pytest.mark.parametrize("number", range(3))
-def test_the_readmes_scripts_run(number, tmp_path):
-    scripts = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    assert len(scripts) == 3
-    if "cc_s-bptt-1" in scripts[number]:
-        few = {"trials": 32, "batch_size": 16, "validation_trials": 4}
-        train(resolve("bptt", None, [{"seeds": 4, "epochs": 1, "bptt": few}]), tmp_path / "runs")
-    script = re.sub(r"learn\(([\d_]+)", "learn(2_000", scripts[number])
-    subprocess.run([sys.executable, "-c", script], check=True, cwd=tmp_path, capture_output=True, text=True)
-
-
-def test_every_file_that_the_readme_links_to_exists():
-    links = re.findall(r"\]\(([^)#]+)\)", (ROOT / "README.md").read_text(encoding="utf-8"))
-    missing = [link for link in links if not link.startswith("https://") and not (ROOT / link).exists()]
-    assert links
-    assert not missing

@@ -1,0 +1,80 @@
+"""rl_zoo3's experiment, for our algorithms, policies and environments."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rl_zoo3.exp_manager import ExperimentManager
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
+
+from bilateral_rl.envs import ENVIRONMENT_IDS, ArmVecEnv
+from bilateral_rl.errors import UserError
+from bilateral_rl.policies import POLICY_ALIASES
+from bilateral_rl.zoo import ALGORITHMS
+from bilateral_rl.zoo.hyperparameters import file_for, schedule
+
+TASKS = {env_id: task for task, env_id in ENVIRONMENT_IDS.items()}
+
+
+class Experiment(ExperimentManager):
+    """An experiment with our tuned hyperparameters, and with arms simulated all at once.
+
+    Arguments as for rl_zoo3's; ``config``, the file of the hyperparameters, is by default ours where there is one.
+    """
+
+    def __init__(self, args: Any, algo: str, env_id: str, *others: Any, **settings: Any) -> None:
+        ours = file_for(algo, env_id)
+        if ours and not settings.get("config"):
+            settings["config"] = str(ours)
+        super().__init__(args, algo, env_id, *others, **settings)
+
+    @staticmethod
+    def _preprocess_schedules(hyperparams: dict[str, Any]) -> dict[str, Any]:
+        """As rl_zoo3's, and ``lin_A_B`` too, for every hyperparameter."""
+        texts = {name: value for name, value in hyperparams.items() if isinstance(value, str)}
+        schedules = {name: found for name, text in texts.items() if (found := schedule(text))}
+        others = {name: value for name, value in hyperparams.items() if name not in schedules}
+        return ExperimentManager._preprocess_schedules(others) | schedules
+
+    def _preprocess_normalization(self, hyperparams: dict[str, Any]) -> dict[str, Any]:
+        hyperparams = super()._preprocess_normalization(hyperparams)
+        if self.algo in ALGORITHMS and self.normalize and self.normalize_kwargs.get("norm_reward", True):
+            raise UserError(
+                f"{self.algo} takes a pair of rewards, which VecNormalize does not normalize: set reward_scale, and "
+                "normalize: {norm_reward: false} for the observations alone."
+            )
+        return hyperparams
+
+    def create_envs(self, n_envs: int, eval_env: bool = False, no_log: bool = False) -> VecEnv:
+        """rl_zoo3's, but arms are one ``ArmVecEnv``, unless processes or a wrapper of each arm are asked for."""
+        task = TASKS.get(self.env_name.gym_id)
+        if task is None or self.vec_env_class is not DummyVecEnv or self.env_wrapper is not None:
+            return super().create_envs(n_envs, eval_env, no_log)
+        arms = copy.copy(self)  # trials of a search may run in threads
+        arms.vec_env_class = self._arms(task, eval_env, no_log)  # type: ignore[assignment] # all that is done is call it
+        return ExperimentManager.create_envs(arms, n_envs, eval_env, no_log)
+
+    def _arms(self, task: str, eval_env: bool, no_log: bool) -> Callable[..., VecEnv]:
+        """What takes the place of ``DummyVecEnv``: of its arguments only the number of environments counts."""
+        env_kwargs, file = (self.eval_env_kwargs, None) if eval_env else (self.env_kwargs, f"{self.save_path}/0")
+        measures = self.monitor_kwargs.get("info_keywords", ("is_success",))
+
+        def make(single_envs: Sequence[Any]) -> VecEnv:
+            env = ArmVecEnv(len(single_envs), task, **env_kwargs)
+            with warnings.catch_warnings():  # the arms keep the same statistics, but write no file
+                warnings.filterwarnings("ignore", "The environment is already wrapped with a `Monitor`")
+                return VecMonitor(env, None if no_log else file, measures)
+
+        return make
+
+    def hyperparameters_optimization(self) -> None:
+        """rl_zoo3's, for algorithms that have a search space for the policy."""
+        if self.algo not in ALGORITHMS and self._hyperparams.get("policy") in POLICY_ALIASES:
+            raise UserError(
+                f"rl_zoo3's search space of {self.algo} is for its own policies; search with --algo "
+                f"hemispheric_{self.algo} -params loss:\"'combined'\", which trains the network on the same reward."
+            )
+        super().hyperparameters_optimization()
