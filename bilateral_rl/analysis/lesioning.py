@@ -19,7 +19,8 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, Lesion, find_lesion
-from bilateral_rl.run_folder import FINAL, RunFolder, Tensors
+from bilateral_rl.run_folder import FINAL, RunFolder
+from bilateral_rl.tensor_files import Tensors
 
 THRESHOLDS = (0.01, 0.02, 0.03, 0.05)
 """Goal radii that studies report (m)."""

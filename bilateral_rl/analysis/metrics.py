@@ -20,6 +20,7 @@ from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import TrialRecord
+from bilateral_rl.policies.lesions import Side
 
 _REACH, _HOLD = (RandomReach.id,), (HoldPosition.id,)
 _BOTH = _REACH + _HOLD
@@ -87,6 +88,10 @@ def threshold_name(radius: float) -> str:
 def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
     """The value of each of ``metrics`` over all trials of ``record``, by name."""
     return {metric.name: metric.value(record) for metric in metrics}
+
+
+ALONE: dict[Side, str] = {"dominant": "deep_non_dominant", "non_dominant": "deep_dominant"}
+"""The lesion that leaves one side to work alone (paper section 6)."""
 
 
 def specialization_index(dominant: ArrayLike, non_dominant: ArrayLike) -> NDArray[np.float64]:

@@ -6,12 +6,18 @@ from pathlib import Path
 
 import pandas as pd
 
+from bilateral_rl.catalogue import ALGORITHMS, MODELS
+from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.errors import UserError
+from bilateral_rl.policies.lesions import LESIONS
+from bilateral_rl.tables import read_table
 
 COLUMNS = ("model", "task", "algo", "seed", "lesion", "retrained", "metric", "value")
 """Of the table: ``lesion`` is "intact" or a lesion's name, ``retrained`` whether the output layer was trained for one
 epoch after it, ``metric`` a name that :mod:`bilateral_rl.analysis.metrics` knows, ``value`` the mean over a seed's
 trials in the metric's unit (nan where no trial has one)."""
+
+_KINDS = dict(zip(COLUMNS, (str, str, str, int, str, bool, str, float), strict=True))
 
 INTACT = "intact"
 
@@ -19,14 +25,15 @@ INTACT = "intact"
 def read_results(path: Path) -> pd.DataFrame:
     """The table that a CSV file holds. Raises UserError if it cannot be read or is no such table."""
     try:
-        table = pd.read_csv(path)
-    except OSError as error:
+        table = read_table(path, _KINDS)
+    except FileNotFoundError as error:
         raise UserError(f"Cannot read {path}: {error.strerror}.") from None
-    except ValueError as error:
-        raise UserError(f"{path} is damaged: {str(error).strip()}.") from None
-    missing = [name for name in COLUMNS if name not in table]
-    if missing or table["retrained"].dtype != bool:
-        raise UserError(f"{path} is no table of results: its columns must be {', '.join(COLUMNS)}.")
+    for name, known in (("model", MODELS), ("task", TASKS), ("algo", ALGORITHMS), ("lesion", (INTACT, *LESIONS))):
+        unknown = set(table[name]) - {*known}
+        if unknown:
+            raise UserError(f"{path} is no table of results: there is no {name} {min(unknown)!r}.")
+    if table.duplicated(list(COLUMNS[:-1])).any():
+        raise UserError(f"{path} is no table of results: it holds one value more than once.")
     return table
 
 

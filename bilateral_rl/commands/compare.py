@@ -23,7 +23,7 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.run_folder import RunFolder
 
-_NO_TREATMENT = ("seed", "seeds", "device", "threads", "init_from")
+_NO_TREATMENT = ("seed", "seeds", "device", "threads", "init_from", "track", "evaluation")
 """Settings in which the seeds of one group may differ."""
 
 

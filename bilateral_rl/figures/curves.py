@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, StrMethodFormatter
 
 from bilateral_rl.analysis.intervals import mean_interval
+from bilateral_rl.analysis.samples import Float
+from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.figures.labels import axis_label, model_label
 from bilateral_rl.figures.style import (
     dress,
@@ -39,6 +41,8 @@ COMPLETION = Measure("goal_completion_percent", "Goal completion", "%")
 TIME_IN_GOAL = Measure("time_in_goal_steps", "Time in goal", "steps")
 FINAL_ERROR = Measure("final_error_cm", "Final error", "cm", logarithmic=True)
 VALIDATION_LOSS = Measure("validation_loss", "Validation loss", logarithmic=True)
+PREFERRED = {RandomReach.id: COMPLETION, HoldPosition.id: TIME_IN_GOAL}
+"""What the paper judges each task by (section 7), as it stands in a training's history."""
 
 PROGRESS = {"epoch": "Epoch", "timesteps": "Environment steps"}
 """Columns that count how far a training has come, in words."""
@@ -91,6 +95,12 @@ def carried_forward(rows: pd.DataFrame, measure: str, progress: str) -> pd.DataF
     return rows.pivot(index=progress, columns="seed", values=measure).sort_index().ffill()
 
 
+def interval_over_seeds(values: pd.DataFrame) -> tuple[Float, Float, Float, Float]:
+    """Points of progress, and the mean over the seeds (a column each) at each, with its interval's ends."""
+    mean, low, high = np.array([(i.value, i.low, i.high) for i in map(mean_interval, values.to_numpy())]).T
+    return values.index.to_numpy(dtype=np.float64), mean, low, high
+
+
 def half_training(rows: pd.DataFrame, progress: str) -> float:
     """The last point of progress that at least half of one model's seeds reached."""
     last = rows.groupby("seed")[progress].max().sort_values(ascending=False)
@@ -120,9 +130,7 @@ def _limit(axes: Axes, values: pd.Series) -> None:
 
 def _curve(axes: Axes, rows: pd.DataFrame, model: str, measure: str, progress: str) -> None:
     style = model_style(model)
-    values = carried_forward(rows, measure, progress)
-    x = values.index.to_numpy(dtype=np.float64)
-    mean, low, high = np.array([(i.value, i.low, i.high) for i in map(mean_interval, values.to_numpy())]).T
+    x, mean, low, high = interval_over_seeds(carried_forward(rows, measure, progress))
     until = int(np.searchsorted(x, half_training(rows, progress)))
     axes.fill_between(x, low, high, color=style.color, alpha=0.2, linewidth=0)
     axes.plot(

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bilateral_rl.errors import UserError
-from bilateral_rl.run_folder import replacing
+from bilateral_rl.files import replacing
 
 DPI = 220
 """1,320 pixels for the common width."""

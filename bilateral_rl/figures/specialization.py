@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bilateral_rl.analysis.metrics import specialization_index
+from bilateral_rl.analysis.metrics import ALONE, specialization_index
 from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.analysis.samples import Float, align
 from bilateral_rl.figures.labels import MetricLike, model_label, task_label
@@ -63,9 +63,8 @@ def specialization(
 
 def _index(results: pd.DataFrame, task: str, metric: MetricLike, model: str, retrained: bool) -> Float:
     """(n,), one a seed that has both lesions."""
-    dominant_alone = by_seed(results, metric.name, task, model, "deep_non_dominant", retrained)
-    non_dominant_alone = by_seed(results, metric.name, task, model, "deep_dominant", retrained)
-    return specialization_index(*align(dominant_alone, non_dominant_alone))
+    alone = [by_seed(results, metric.name, task, model, lesion, retrained) for lesion in ALONE.values()]
+    return specialization_index(*align(*alone))
 
 
 def _shifts(n: int) -> list[float]:

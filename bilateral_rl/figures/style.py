@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
+import matplotlib
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -44,6 +45,18 @@ MODEL_STYLES = {
 color-blind people too."""
 OTHER_STYLE = ModelStyle("#35978f", "h", "-")
 """Of a name that is not in the catalogue."""
+
+
+def forget_working_folder() -> None:
+    """Undo the settings of a ``matplotlibrc`` in the working folder, which may be somebody else's run.
+
+    It could turn LaTeX on, which executes more than anybody wants.
+    """
+    if matplotlib.matplotlib_fname() == "matplotlibrc":
+        matplotlib.rcdefaults()
+
+
+forget_working_folder()
 
 
 def model_style(name: str) -> ModelStyle:

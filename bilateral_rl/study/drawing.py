@@ -13,14 +13,16 @@ from bilateral_rl.analysis.metrics import find_metric, preferred_metric, thresho
 from bilateral_rl.catalogue import MODELS
 from bilateral_rl.controllers import load_policy
 from bilateral_rl.evaluation import Evaluator, TrialRecord
-from bilateral_rl.figures.curves import COMPLETION, FINAL_ERROR, TIME_IN_GOAL, VALIDATION_LOSS, learning_curves
+from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves
 from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.models import model_comparison
 from bilateral_rl.figures.posthoc import posthoc_matrix
 from bilateral_rl.figures.specialization import specialization
+from bilateral_rl.figures.specialization_over_training import specialization_over_training
 from bilateral_rl.figures.trials import hand_paths, muscle_activity, speed_profiles
+from bilateral_rl.lesion_probe import read_probes
 from bilateral_rl.policies.networks import BilateralNetwork
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.study.outcome import learning_history
@@ -104,6 +106,10 @@ def _of_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[D
 def _of_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> Iterator[Drawing]:
     label = task_label(task)
     yield _curves(label, task, runs)
+    probes = read_probes(run for of_model in runs.values() for run in of_model)
+    if len(probes):
+        caption = f"{label}: what each hemisphere does alone, as its network learns."
+        yield Drawing(f"specialization_{task}_over_training", caption, specialization_over_training(probes, task))
     shown = {model: _Shown(task, of_model[0]) for model, of_model in runs.items()}
     records = {model: [one.record] for model, one in shown.items()}
     title = f"{label}: {TRIALS} trials of the first seed"
@@ -131,9 +137,8 @@ def _paths(record: TrialRecord, radius: float, model: str) -> Figure:
 
 def _curves(label: str, task: str, runs: Mapping[str, list[RunFolder]]) -> Drawing:
     history = learning_history(runs)
-    measure = COMPLETION if task == "random_reach" else TIME_IN_GOAL
     supervised = "epoch" in history
-    measures = [VALIDATION_LOSS, measure] if supervised else [measure, FINAL_ERROR]
+    measures = [VALIDATION_LOSS, PREFERRED[task]] if supervised else [PREFERRED[task], FINAL_ERROR]
     figure = learning_curves(history, measures, f"{label}: learning", "epoch" if supervised else "timesteps")
     return Drawing(f"learning_{task}", f"{label}: how the networks learned.", figure)
 

@@ -57,7 +57,7 @@ def test_a_table_comes_back_from_its_file(results, tmp_path):
         (b"\xff\xfe\x00\x01", "is damaged"),
         (b'model,task\n"', "is damaged"),
         (b"model,task\ncc_s,random_reach\n", "columns must be model, task, algo, seed, lesion, retrained"),
-        ((",".join(COLUMNS) + "\na,b,c,1,intact,perhaps,effort,1\n").encode(), "no table of results"),
+        ((",".join(COLUMNS) + "\ncc_s,random_reach,ppo,1,intact,perhaps,effort,1\n").encode(), "is damaged"),
     ],
 )
 def test_a_file_that_is_no_such_table_is_refused(tmp_path, content, says):

@@ -1,0 +1,88 @@
+"""How the hemispheres of models specialize while they are trained."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from bilateral_rl.analysis.metrics import ALONE, specialization_index
+from bilateral_rl.analysis.results import INTACT
+from bilateral_rl.figures.curves import PREFERRED, PROGRESS, carried_forward, interval_over_seeds
+from bilateral_rl.figures.hemispheres import DOMINANT_STYLE, NON_DOMINANT_STYLE
+from bilateral_rl.figures.labels import axis_label, model_label, task_label
+from bilateral_rl.figures.style import (
+    INK,
+    ModelStyle,
+    dress,
+    in_order,
+    new_figure,
+    set_note,
+    set_title_and_legend,
+)
+
+_STATES = {
+    INTACT: ("intact", ModelStyle(INK, "^", (0, (1, 1)))),
+    ALONE["dominant"]: ("dominant alone", DOMINANT_STYLE),
+    ALONE["non_dominant"]: ("non-dominant alone", NON_DOMINANT_STYLE),
+}
+"""In words, and how they look."""
+_INDEX_STYLE = ModelStyle(INK, "o", "-")
+_PROGRESS = "timesteps"
+
+
+def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
+    """What each hemisphere does alone as its network learns, and the specialization index, a column a model.
+
+    The index is that of :func:`bilateral_rl.analysis.metrics.specialization_index`. Means over the seeds, as in
+    :func:`~bilateral_rl.figures.curves.learning_curves`.
+
+    Args:
+        probes: tables of :func:`bilateral_rl.lesion_probe.read_probes`; a seed once a model, at most four models.
+        task: which task they are of.
+    """
+    models, measure = in_order(probes["model"]), PREFERRED[task]
+    figure = new_figure(5.2)
+    above, below = figure.subplots(2, len(models), sharex=True, sharey="row", squeeze=False)
+    for i, model in enumerate(models):
+        of_model = probes[probes["model"] == model]
+        values = {state: carried_forward(of_model[of_model["lesion"] == state], measure.name, _PROGRESS)
+                  for state in _STATES}  # fmt: skip
+        for state, (words, style) in _STATES.items():
+            _draw(above[i], values[state], style, words)
+        dominant, non_dominant = (values[lesion] for lesion in ALONE.values())
+        index = pd.DataFrame(specialization_index(dominant, non_dominant), dominant.index)
+        _draw(below[i], index, _INDEX_STYLE, "index")
+        below[i].axhline(0, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
+        dress(above[i], y_label=axis_label(measure) * (i == 0), title=model_label(model))
+        dress(below[i], PROGRESS[_PROGRESS], "Specialization index\n← non-dominant · dominant →" * (i == 0))
+        below[i].xaxis.set_major_formatter(EngFormatter())
+    above[0].set_ylim(bottom=0)
+    below[0].set_ylim(-1.05, 1.05)
+    set_title_and_legend(
+        figure, f"{task_label(task)}: specialization over training", *above[0].get_legend_handles_labels()
+    )
+    meaning = "Index: (d − n) / (d + n); d, n: value with the dominant, the non-dominant hemisphere alone."
+    set_note(figure, f"{meaning}\n{_seeds_in_words(probes)}")
+    return figure
+
+
+def _draw(axes: Axes, values: pd.DataFrame, style: ModelStyle, label: str) -> None:
+    """The mean over the seeds (a column each) and its interval."""
+    x, mean, low, high = interval_over_seeds(values)
+    axes.fill_between(x, low, high, color=style.color, alpha=0.2, linewidth=0)
+    axes.plot(
+        x, mean, color=style.color, linestyle=style.line, linewidth=1.6, label=label, gid=label,
+        marker=style.marker, markersize=4.5, markevery=max(1, len(x) // 8),
+        markeredgecolor="white", markeredgewidth=0.5,
+    )  # fmt: skip
+
+
+def _seeds_in_words(probes: pd.DataFrame) -> str:
+    counts = probes.groupby("model")["seed"].nunique()
+    if counts.max() == 1:
+        return "One seed each." if len(counts) > 1 else "One seed."
+    few, many = counts.min(), counts.max()
+    seeds = f"{few} to {many} seeds" if few < many else f"{many} seeds"
+    return f"Line and band: mean of {seeds} and its 95 % confidence interval."
