@@ -16,7 +16,7 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.run_folder import RunFolder
 
-RUNNING, FINISHED, INTERRUPTED, FAILED = "running", "finished", "interrupted", "failed"
+RUNNING, FINISHED, INTERRUPTED, FAILED, IMPORTED = "running", "finished", "interrupted", "failed", "imported"
 """States of a run."""
 
 
@@ -46,37 +46,50 @@ class Outcome:
     folder: RunFolder
     done: int
     """Environment steps or updates."""
-    interrupted: bool
+    stopped_by: signal.Signals | None
+    """What asked it to stop before its end; None if it came there."""
     seconds: float
     policies: dict[int, MotorPolicy]
     """What was trained, by seed."""
     notes: list[str] = field(default_factory=list)
     """What a person should know of it."""
 
+    @property
+    def interrupted(self) -> bool:
+        """Whether it was stopped before its end."""
+        return self.stopped_by is not None
+
 
 class StopRequest:
-    """Whether somebody pressed Ctrl-C."""
+    """Whether somebody pressed Ctrl-C, or asked this process to terminate (SIGTERM)."""
 
     def __init__(self) -> None:
-        self.requested = False
+        self.signal: signal.Signals | None = None
+        """The first request."""
+
+    @property
+    def requested(self) -> bool:
+        """Whether there was one."""
+        return self.signal is not None
 
     @contextlib.contextmanager
     def on_interrupt(self) -> Iterator[None]:
-        """A context in which the first Ctrl-C requests the stop and the second raises KeyboardInterrupt."""
+        """A context in which a signal requests the stop, and Ctrl-C after that raises KeyboardInterrupt."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
 
         def request(number: int, frame: FrameType | None) -> Any:
-            if self.requested:
+            if self.requested and number == signal.SIGINT:
                 raise KeyboardInterrupt
-            self.requested = True
+            self.signal = self.signal or signal.Signals(number)
 
-        before = signal.signal(signal.SIGINT, request)
+        before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def check_device(device: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.scene import SceneView
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
-from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+from bilateral_rl.envs.trials import TrialBatch, TrialSettings, check_array
 
 
 class ArmVecEnv(VecEnv):
@@ -67,7 +67,7 @@ class ArmVecEnv(VecEnv):
         self._streams: TrialStreams | None = None
         self._action = np.zeros((n_envs, N_MUSCLES), dtype=np.float32)
         self._clock = np.zeros(n_envs, dtype=np.int64)
-        self._began = time.time()
+        self._began = time.monotonic()
         if seed is not None:
             self.seed(seed)
 
@@ -122,7 +122,7 @@ class ArmVecEnv(VecEnv):
 
     def _final_infos(self, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
         infos = final_infos(self.batch, arms)
-        elapsed = round(time.time() - self._began, 6)
+        elapsed = round(time.monotonic() - self._began, 6)
         for info, observation in zip(infos, self.batch.observation[arms], strict=True):
             info["terminal_observation"] = observation
             info["TimeLimit.truncated"] = True
@@ -135,6 +135,35 @@ class ArmVecEnv(VecEnv):
                 "non_dominant": non_dominant,
             }
         return infos
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything that the rest of the trials depends on, by name; call it after :meth:`reset`.
+
+        On a CPU some arrays are live views: save or copy them before the next step.
+        """
+        assert self._streams is not None
+        elapsed = np.array(time.monotonic() - self._began)
+        return {"elapsed": elapsed, **self.batch.state_arrays(), **self._streams.state_arrays()}
+
+    def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what :meth:`state_arrays` gave, in place of :meth:`reset`; another number of arms does not fit.
+
+        Raises:
+            ValueError: what no such environment can be in.
+        """
+        self.reset()
+        assert self._streams is not None
+        own = self.state_arrays()
+        if extra := sorted(set(arrays) - set(own)):
+            raise ValueError(f"{extra[0]} is unknown")
+        check_array("elapsed", arrays.get("elapsed"), own["elapsed"])
+        self.batch.set_state_arrays(arrays)
+        self._streams.set_state_arrays(arrays)
+        self._clock[:] = self.batch.clock
+        if arrays["elapsed"] < 0 or (self._clock >= self.settings.trial_length).any():
+            raise ValueError("elapsed or clock is out of range")
+        self._began = time.monotonic() - float(arrays["elapsed"])
+        self._view.advance()
 
     def render(self, mode: str | None = None) -> NDArray[np.uint8] | None:
         """The first arms side by side (H, W, 3) in mode "rgb_array"; in mode "human" each step shows them."""

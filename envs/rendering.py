@@ -26,6 +26,7 @@ _FLEXION, _EXTENSION = 1.0, -1.0
 _TRUNK = -0.13 * np.array((math.cos(math.radians(15)), math.sin(math.radians(15))))  # where the shoulder girdle begins
 _LOAD_SCALE, _LOAD_MAX_LENGTH = 0.01, 0.2  # m/N, m
 _MAX_PATH_SEGMENTS = 400
+_FURTHEST = 10  # pictures' sides away: pygame would go through every pixel of an arm of any measure
 _LINE_SPACING = 0.05  # of the caption (m)
 
 _WHITE, _INK, _FAINT, _WORKSPACE = (255, 255, 255), (60, 60, 60), (212, 216, 222), (247, 248, 250)
@@ -163,6 +164,7 @@ class _Canvas:
         self._pygame, self._size = _pygame(), size
         self.half = VIEW_MARGIN * sum(arm.link_length)
         self._scale = _OVERSAMPLING * size / (2 * self.half)
+        self._furthest = _FURTHEST * _OVERSAMPLING * size
         if background is None:
             # A depth of its own, so that an open window's pixel format changes nothing.
             background = self._pygame.Surface((_OVERSAMPLING * size, _OVERSAMPLING * size), depth=32)
@@ -179,9 +181,9 @@ class _Canvas:
         self._pygame.draw.lines(self.surface, color, False, self._pixels(points), self._width(width))
 
     def disc(self, center: ArrayLike, radius: float, fill: Color, edge: Color) -> None:
-        pixel = self._pixels(center)
-        self._pygame.draw.circle(self.surface, fill, pixel, radius * self._scale)
-        self._pygame.draw.circle(self.surface, edge, pixel, radius * self._scale, self._width(1.2))
+        pixel, pixels = self._pixels(center), min(radius * self._scale, self._furthest)
+        self._pygame.draw.circle(self.surface, fill, pixel, pixels)
+        self._pygame.draw.circle(self.surface, edge, pixel, pixels, self._width(1.2))
 
     def text(self, position: ArrayLike, text: str, color: Color = _INK, centered: bool = True) -> None:
         """Text around a position, or to the right of it, with a white halo; kept inside the picture."""
@@ -202,7 +204,8 @@ class _Canvas:
         return flat.reshape(self._size, self._size, 3).copy()
 
     def _pixels(self, points: ArrayLike) -> Any:
-        return (self._scale * (np.multiply(points, (1, -1)) + self.half)).tolist()
+        pixels = self._scale * (np.multiply(points, (1, -1)) + self.half)
+        return np.clip(pixels, -self._furthest, self._furthest).tolist()
 
     def _width(self, width: float) -> int:
         return max(1, round(width * _OVERSAMPLING * self._size / 480))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.trials import TrialBatch
+from bilateral_rl.envs.generators import generator_states, set_generator_states
+from bilateral_rl.envs.trials import TrialBatch, check_array
 
 DRAWN_AHEAD = 64
 """Trials drawn at once per arm where no noise is drawn between them; a block of draws equals draws one by one."""
@@ -26,7 +28,7 @@ class TrialStreams:
         self._batch = batch
         self._generators = [seeding.np_random(seed)[0] for seed in seeds]
         ahead = 1 if batch.settings.noisy else DRAWN_AHEAD
-        self._uniform = np.empty((batch.n, ahead, batch.task.n_uniform))
+        self._uniform = np.zeros((batch.n, ahead, batch.task.n_uniform))
         self._next = np.full(batch.n, ahead)
 
     def reseed(self, seeds: Sequence[int | None]) -> None:
@@ -35,6 +37,21 @@ class TrialStreams:
             if seed is not None:
                 self._generators[arm] = seeding.np_random(seed)[0]
                 self._next[arm] = self._uniform.shape[1]
+
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """The generators, and what they have drawn ahead, by name."""
+        return {"generators": generator_states(self._generators), "uniform": self._uniform, "next": self._next}
+
+    def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what :meth:`state_arrays` gave. Raises ValueError for what no such streams can be in."""
+        for name, own in self.state_arrays().items():
+            check_array(name, arrays.get(name), own)
+        uniform, following = arrays["uniform"], arrays["next"]
+        if (uniform < 0).any() or (uniform >= 1).any() or (following < 0).any() or (following > uniform.shape[1]).any():
+            raise ValueError("uniform or next is out of range")
+        set_generator_states(self._generators, arrays["generators"])
+        self._uniform[:] = uniform
+        self._next[:] = following
 
     def start(self, arms: NDArray[np.int32]) -> None:
         """Begin the next trial of each of ``arms``."""

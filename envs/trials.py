@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -204,16 +205,28 @@ class TrialBatch:
         if not self._on_cpu:
             self._fetch()
 
+    def state_arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything that the rest of the trials depends on, by name; on a CPU these are live views."""
+        return {name: getattr(self._arrays, name).numpy() for name in _STATE}
+
+    def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what :meth:`state_arrays` gave. Raises ValueError for what no such batch can be in."""
+        for name, own in self.state_arrays().items():
+            check_array(name, arrays.get(name), own)
+        if (arrays["clock"] < 0).any() or (arrays["clock"] > self.settings.trial_length).any():
+            raise ValueError("clock is outside the trial")  # the kernels trust it as an index
+        for name in _STATE:
+            getattr(self._arrays, name).assign(np.ascontiguousarray(arrays[name]))
+        self._host_noise = self._arrays.noise.numpy()
+        self._fetch()
+
     def __getstate__(self) -> dict[str, Any]:
-        arrays = {name: getattr(self._arrays, name).numpy() for name in _STATE}
+        arrays = self.state_arrays()
         return {"task": self.task, "settings": self.settings, "n": self.n, "device": self.device, "arrays": arrays}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(state["task"], state["settings"], state["n"], state["device"])  # type: ignore[misc]
-        for name, values in state["arrays"].items():
-            getattr(self._arrays, name).assign(values)
-        self._host_noise = self._arrays.noise.numpy()
-        self._fetch()
+        self.set_state_arrays(state["arrays"])
 
     def _fetch(self) -> None:
         for name in _OUTPUTS:
@@ -222,6 +235,14 @@ class TrialBatch:
 
 _OUTPUTS = tuple(TrialBatch.__annotations__)
 _STATE = (*_OUTPUTS, "noise", "sensed")
+
+
+def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> None:
+    """Raise ValueError unless ``array`` is there, of the shape and type of ``like``, and finite."""
+    if array is None or array.shape != like.shape or array.dtype != like.dtype:
+        raise ValueError(f"{name} is not a {like.dtype} array of shape {like.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} is not finite")
 
 
 def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:

@@ -11,6 +11,7 @@ import torch
 from matplotlib.figure import Figure
 from torch.utils.tensorboard import SummaryWriter
 
+from bilateral_rl import tensorboard_files
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trainer import MEASURES, Trainer, history_columns
@@ -32,7 +33,9 @@ from bilateral_rl.progress import (
     StopRequest,
     check_device,
 )
-from bilateral_rl.run_folder import BEST, FINAL, RunFolder, Tensors
+from bilateral_rl.run_folder import BEST, FINAL, RunFolder
+from bilateral_rl.tensor_files import Tensors
+from bilateral_rl.write_failures import explaining_write_failures
 
 FIGURE_TRIALS = 12
 """Drawn at the end, for each seed."""
@@ -49,16 +52,24 @@ def train(config: BPTTConfig, out: Path, progress: Progress = UNWATCHED) -> Outc
     states = initial_states(config) or {seed: _fresh_network(config, seed) for seed in seeds_of(config)}
     layout = Layout(build_network(config))
     state = TrainingState.start(layout.pack(list(states.values())), len(history_columns(config, layout)))
-    return _Run(RunFolder.create(out, config), config, layout, state).go(progress)
+    folder = RunFolder.create(out, config)
+    with folder.locked(), explaining_write_failures(folder):
+        return _Run(folder, config, layout, state).go(progress)
 
 
 def resume(folder: RunFolder, config: BPTTConfig, progress: Progress = UNWATCHED) -> Outcome:
     """Go on from the last whole epoch; on the same machine it ends with the same bits as if it had never stopped.
 
     Raises:
-        UserError: a damaged run, or one with nothing left to do.
+        UserError: a damaged run, one with nothing left to do, or one that another process is at; or a folder that
+            cannot be written.
     """
     check_device(config.device)
+    with folder.locked(), explaining_write_failures(folder):
+        return _restored(folder, config).go(progress)
+
+
+def _restored(folder: RunFolder, config: BPTTConfig) -> _Run:
     if "weights" not in folder.status() and not (folder.path / "resume.safetensors").exists():
         again = f"bilateral-rl train --config {folder.path / 'config.yaml'}"
         raise UserError(f"{folder.path} stopped before it was first saved; start anew with `{again}`.")
@@ -74,7 +85,7 @@ def resume(folder: RunFolder, config: BPTTConfig, progress: Progress = UNWATCHED
     if state.epoch > config.epochs or (finished and state.epoch == config.epochs):
         raise UserError(f"{folder.path} has done its {state.epoch} epochs; give a larger --epochs to train it further.")
     folder.write_config(config)
-    return _Run(folder, config, layout, state).go(progress)
+    return _Run(folder, config, layout, state)
 
 
 def _fresh_network(config: BPTTConfig, seed: int) -> Tensors:
@@ -93,11 +104,12 @@ class _Run:
 
     def go(self, progress: Progress) -> Outcome:
         began = time.monotonic()
+        stop = StopRequest()
         trainer = Trainer(self._config, self._layout, self._state)
         board = _Tensorboard(self._folder, self._seeds, self._state.epoch)
         with contextlib.closing(trainer), contextlib.closing(board):
             self._save(RUNNING)
-            finished = self._train(trainer, board, progress)
+            finished = self._train(trainer, board, progress, stop)
             all_failed = bool((self._state.seed_state == SeedState.FAILED).all())
             self._save(FAILED if all_failed else FINISHED if finished else INTERRUPTED)
             policies = self._policies()
@@ -106,11 +118,11 @@ class _Run:
         if all_failed:
             raise UserError(" ".join([*notes, "Try a smaller bptt.learning_rate."]))
         done = int(self._state.updates)
-        return Outcome(self._folder, done, not finished, time.monotonic() - began, policies, notes)
+        stopped_by = None if finished else stop.signal
+        return Outcome(self._folder, done, stopped_by, time.monotonic() - began, policies, notes)
 
-    def _train(self, trainer: Trainer, board: _Tensorboard, progress: Progress) -> bool:
+    def _train(self, trainer: Trainer, board: _Tensorboard, progress: Progress, stop: StopRequest) -> bool:
         """Epoch after epoch; whether nobody stopped it before the end."""
-        stop = StopRequest()
         per_epoch = trainer.updates_per_epoch
 
         def goes_on(done: int) -> bool:
@@ -219,8 +231,10 @@ class _Tensorboard:
     _HEADINGS = ("loss", "gradient_norm", "combination")
 
     def __init__(self, folder: RunFolder, seeds: list[int], epoch: int) -> None:
-        purge = epoch + 1 if epoch else None
-        self._writers = {seed: SummaryWriter(str(folder.path / f"seed_{seed}"), purge_step=purge) for seed in seeds}
+        self._writers = {}
+        for seed in seeds:
+            tensorboard_files.cut_back(folder.path / f"seed_{seed}", epoch)
+            self._writers[seed] = SummaryWriter(str(folder.path / f"seed_{seed}"))
 
     def write(self, seed: int, epoch: int, values: dict[str, float]) -> None:
         for name, value in values.items():

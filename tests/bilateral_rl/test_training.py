@@ -1,27 +1,21 @@
 import csv
 import dataclasses
-import signal
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 from stable_baselines3.common.monitor import load_results
+from supervised_runs import contents, with_values
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bilateral_rl.catalogue import MODELS
 from bilateral_rl.controllers import load_policy
 from bilateral_rl.errors import UserError
-from bilateral_rl.progress import Progress
 from bilateral_rl.resolve import resolve
 from bilateral_rl.rl_algorithms import build_algorithm
 from bilateral_rl.run_folder import find_runs
-from bilateral_rl.settings import merge
 from bilateral_rl.training import resume, train
-
-
-def with_values(config, **values):
-    return resolve(None, None, [merge(config.to_values(), values)])
 
 
 def rows(path):
@@ -53,6 +47,11 @@ def test_the_run_folder_holds_what_it_promises(run):
 def test_nothing_in_a_run_folder_is_a_pickle(run):
     files = [path for path in run.path.rglob("*") if path.is_file() and "tfevents" not in path.name]
     assert {path.suffix for path in files} <= {".yaml", ".json", ".csv", ".safetensors"}
+
+
+def test_who_may_read_the_configuration_may_read_everything(tmp_path, small):
+    folder = train(with_values(small, timesteps=1_000), tmp_path).folder
+    assert len({path.stat().st_mode for path in folder.path.rglob("*") if path.is_file()}) == 1
 
 
 def test_sb3_reads_the_monitor_file(run):
@@ -97,65 +96,33 @@ def test_the_same_seed_gives_the_same_weights_and_another_seed_others(tmp_path, 
     assert not torch.equal(weights[0]["log_std"], other["log_std"])
 
 
-class Watch(Progress):
-    """Remembers what it is told, and presses Ctrl-C, for real, once ``stop_at`` steps are done."""
-
-    def __init__(self, stop_at=float("inf")):
-        self.started, self.steps = [], []
-        self._stop_at = stop_at
-
-    def on_start(self, timesteps):
-        self.started.append(timesteps)
-
-    def on_step(self, timesteps):
-        self.steps.append(timesteps)
-        if timesteps >= self._stop_at:
-            self._stop_at = float("inf")
-            signal.raise_signal(signal.SIGINT)
-
-
-def test_ctrl_c_saves_and_a_resumed_run_goes_on_to_the_end(tmp_path, small):
-    outcome = train(small, tmp_path, Watch(stop_at=2_500))
-    assert outcome.interrupted
-    status = outcome.folder.status()
-    assert status["state"] == "interrupted"
-    assert 2_500 <= status["timesteps"] < 4_000
-    progress = Watch()
-    resumed = resume(outcome.folder, small, progress)
-    assert progress.started == [status["timesteps"]]
-    assert progress.steps[0] == status["timesteps"] + small.n_envs
-    assert resumed.done >= 4_000
-    assert outcome.folder.status()["state"] == "finished"
-    steps = [int(row["timesteps"]) for row in rows(outcome.folder.path / "evaluations.csv")]
-    assert steps == sorted(steps)
-    assert len(load_results(str(outcome.folder.path))) >= 4_000 // 50 - small.n_envs
-
-
-def test_resuming_restores_weights_optimizer_and_counters(run, monkeypatch):
-    config = with_values(run.config(), timesteps=8_000)
-    seen = {}
-
-    def look(algorithm, *_args, **_kwargs):
-        seen["weights"] = {k: v.clone() for k, v in algorithm.policy.state_dict().items()}
-        seen["moments"] = algorithm.policy.optimizer.state_dict()["state"]
-        seen["steps"], seen["updates"] = algorithm.num_timesteps, algorithm._n_updates
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("bilateral_rl.algorithms.HemisphericPPO.learn", look)
-    stored, moments = run.load_weights("final"), run.load_resume()
-    resume(run, config)
-    assert all(torch.equal(stored[k], seen["weights"][k]) for k in stored)
-    assert torch.equal(moments["optimizer.0.exp_avg"], seen["moments"][0]["exp_avg"])
-    assert (seen["steps"], seen["updates"]) == (4_000, 20)
-
-
 def test_a_finished_run_is_not_resumed_without_more_steps(run):
     with pytest.raises(UserError, match="timesteps"):
         resume(run, run.config())
 
 
-def test_a_damaged_resume_file_is_refused(run):
-    run.save_resume({"optimizer.x.exp_avg": torch.zeros(1)})
+def test_a_run_killed_after_its_last_step_is_finished_by_resuming(run):
+    before = contents(run)
+    run.write_json("status.json", run.status() | {"state": "running"})
+    resume(run, run.config())
+    after = contents(run)
+    for name in ("config.yaml", "evaluations.csv", "monitor.csv", "status.json", "weights/final.safetensors"):
+        assert after[str(run.path / name)] == before[str(run.path / name)], name
+
+
+@pytest.mark.parametrize(
+    ("name", "tensor"),
+    [
+        ("optimizer.x.exp_avg", torch.zeros(1)),
+        ("evaluation.best_return", torch.tensor(float("nan"), dtype=torch.float64)),
+        ("evaluation.weights.log_std", torch.zeros(7)),
+        ("file.monitor.csv", torch.zeros(1)),
+        ("file.passwords", torch.tensor(0)),
+        ("weights.policy.log_std", torch.full((6,), float("inf"))),
+    ],
+)
+def test_a_damaged_resume_file_is_refused(run, name, tensor):
+    run.save_resume(run.load_resume() | {name: tensor})
     with pytest.raises(UserError, match="damaged"):
         resume(run, with_values(run.config(), timesteps=8_000))
 
@@ -207,6 +174,7 @@ def test_a_diverged_training_is_one_sentence_and_keeps_what_was_saved(tmp_path, 
 
 def test_a_run_that_was_never_saved_says_how_to_start_anew(run):
     run.write_json("status.json", {"state": "running", "timesteps": 0, "updates": 0})
+    (run.path / "resume.safetensors").unlink()
     with pytest.raises(UserError, match="--config"):
         resume(run, with_values(run.config(), timesteps=8_000))
 
@@ -218,15 +186,43 @@ def test_a_damaged_status_is_refused(run, status):
         resume(run, with_values(run.config(), timesteps=8_000))
 
 
-def test_a_refused_resume_leaves_the_run_as_it_was(run):
-    before = (run.path / "config.yaml").read_bytes()
-    (run.path / "weights" / "final.safetensors").write_bytes(b"")
+def damage_state(run):
+    run.save_resume({name: t for name, t in run.load_resume().items() if name != "random.torch"})
+
+
+def damage_evaluations(run):
+    (run.path / "evaluations.csv").write_text("nonsense\n1\n")
+
+
+def damage_monitor(run):
+    path = run.path / "monitor.csv"
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+@pytest.mark.parametrize("damage", [damage_state, damage_evaluations, damage_monitor])
+def test_a_refused_resume_leaves_the_run_as_it_was(run, damage):
+    damage(run)
+    before = contents(run)
     with pytest.raises(UserError, match="damaged"):
         resume(run, with_values(run.config(), timesteps=8_000))
-    assert (run.path / "config.yaml").read_bytes() == before
+    assert contents(run) == before
 
 
-def test_damaged_evaluations_are_a_clear_error(run):
-    (run.path / "evaluations.csv").write_text("nonsense\n1\n")
-    with pytest.raises(UserError, match=r"evaluations\.csv is damaged"):
-        resume(run, with_values(run.config(), timesteps=8_000))
+def test_damaged_logs_moved_away_are_begun_anew(run):
+    for name in ("evaluations.csv", "monitor.csv"):
+        (run.path / name).unlink()
+    resume(run, with_values(run.config(), timesteps=8_000))
+    assert [int(row["timesteps"]) for row in rows(run.path / "evaluations.csv")] == [6_000, 8_000]
+    assert len(load_results(str(run.path))) == 4_000 // 50
+
+
+def test_more_timesteps_stretch_the_schedules(run):
+    resume(run, with_values(run.config(), timesteps=8_000))
+    events = EventAccumulator(str(run.path))
+    events.Reload()
+    rate = run.config().ppo.learning_rate
+    present = {event.step: event.value for event in events.Scalars("train/learning_rate")}
+    assert present[2_000] == pytest.approx(rate * 0.5)
+    assert present[4_000] == pytest.approx(0, abs=1e-9)
+    assert present[6_000] == pytest.approx(rate * 0.25)
+    assert run.status() == {"state": "finished", "timesteps": 8_000, "updates": 40, "weights": "final"}

@@ -8,6 +8,7 @@ import pytest
 import torch
 from supervised_runs import Watch, with_values
 
+from bilateral_rl.callbacks import Stopped
 from bilateral_rl.controllers import build_network, build_policy, network_states
 from bilateral_rl.errors import UserError
 from bilateral_rl.training import resume, train
@@ -28,10 +29,10 @@ def before_learning(monkeypatch, tmp_path):
 
     def look(config):
         def stop(*_args, **_kwargs):
-            raise KeyboardInterrupt
+            raise Stopped
 
         with monkeypatch.context() as patch:
-            patch.setattr("bilateral_rl.algorithms.HemisphericPPO.learn", stop)
+            patch.setattr("bilateral_rl.algorithms.HemisphericPPO.collect_rollouts", stop)
             return train(config, tmp_path / "before").policies[config.seed]
 
     return look

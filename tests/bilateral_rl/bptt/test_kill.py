@@ -1,29 +1,14 @@
 """A training that is killed, at any moment and again and again, ends with the bits it would have had anyway."""
 
-import contextlib
 import json
-import os
 import random
 import signal
-import subprocess
-import sys
 import time
+
+from processes import TIMEOUT, is_saving, started, wait_until
 
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.training import resume, train
-
-TIMEOUT = 120.0
-
-
-@contextlib.contextmanager
-def started(*arguments):
-    """A training of its own process, which does not outlive the context."""
-    command = [sys.executable, "-m", "bilateral_rl.cli", "train", *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        yield process
-    finally:
-        process.kill()
 
 
 def epochs_done(path):
@@ -31,18 +16,6 @@ def epochs_done(path):
         return json.loads((path / "status.json").read_text())["epochs"]
     except FileNotFoundError:
         return -1
-
-
-def is_saving(path):
-    return any(entry.name.startswith(".") for entry in os.scandir(path))
-
-
-def wait_until(condition, process, pause=0.0):
-    deadline = time.monotonic() + TIMEOUT
-    while not condition():
-        assert process.poll() is None, f"it ended too early: {process.communicate()[0]}"
-        assert time.monotonic() < deadline
-        time.sleep(pause)
 
 
 def test_a_killed_training_ends_with_the_same_bits_as_one_in_one_go(tmp_path, small_bptt, same_bits):
@@ -53,20 +26,20 @@ def test_a_killed_training_ends_with_the_same_bits_as_one_in_one_go(tmp_path, sm
     assert min(stopped) < 40 < max(stopped)
 
     (tmp_path / "config.yaml").write_bytes((whole.path / "config.yaml").read_bytes())
-    path = tmp_path / "killed" / "random_reach" / "cc_s-bptt-1"
+    path, output = tmp_path / "killed" / "random_reach" / "cc_s-bptt-1", tmp_path / "output"
     generator = random.Random(0)
     command = ["--config", tmp_path / "config.yaml", "--out", tmp_path / "killed"]
     came_to = []
     for epoch, during_a_save in ((5, False), (20, True), (40, False)):
-        with started(*command) as process:
-            wait_until(lambda epoch=epoch: epochs_done(path) >= epoch, process, pause=0.002)
+        with started("train", *command, output=output) as process:
+            wait_until(lambda epoch=epoch: epochs_done(path) >= epoch, process, output)
             if during_a_save:
-                wait_until(lambda: is_saving(path), process)
+                wait_until(lambda: is_saving(path), process, output, pause=0.0)
             else:
                 time.sleep(generator.uniform(0.0, 0.05))
             process.kill()
-            output, _ = process.communicate(timeout=TIMEOUT)
-        assert process.returncode == -signal.SIGKILL, output
+            process.join(TIMEOUT)
+        assert process.exitcode == -signal.SIGKILL, output.read_text()
         came_to.append(epochs_done(path))
         assert json.loads((path / "status.json").read_text())["state"] == "running"
         command = ["--resume", path]

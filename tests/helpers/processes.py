@@ -1,0 +1,76 @@
+"""Commands in processes of their own, to be watched, stopped and killed."""
+
+import contextlib
+import multiprocessing
+import os
+import resource
+import sys
+import time
+
+from bilateral_rl import cli
+
+TIMEOUT = 120.0
+
+_processes = multiprocessing.get_context("forkserver")
+# Importing everything takes seconds: one process does it, and every command is a copy of it.
+_processes.set_forkserver_preload(["bilateral_rl.commands.train", "bilateral_rl.commands.evaluate"])
+
+
+@contextlib.contextmanager
+def in_process(function, *arguments, output):
+    """``function`` in a process that does not outlive the context; what it prints goes into the file ``output``."""
+    process = _processes.Process(target=_call, args=(function, arguments, str(output)))
+    process.start()
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.join()
+
+
+def started(*arguments, output, largest_file=None):
+    """``bilateral-rl`` as :func:`in_process`; it can write no file larger than ``largest_file`` bytes."""
+    return in_process(_limited_command, [*map(str, arguments)], largest_file, output=output)
+
+
+def finished(*arguments, output, largest_file=None):
+    """The exit code and output of a whole command."""
+    with started(*arguments, output=output, largest_file=largest_file) as process:
+        process.join(TIMEOUT)
+        return process.exitcode, output.read_text()
+
+
+def command(*arguments):
+    """The exit code of ``bilateral-rl``, in this process."""
+    sys.argv = ["bilateral-rl", *map(str, arguments)]
+    try:
+        cli.main()
+    except SystemExit as end:
+        return end.code or 0
+    return 0
+
+
+def wait_until(condition, process, output, pause=0.001):
+    deadline = time.monotonic() + TIMEOUT
+    while not condition():
+        assert process.is_alive(), f"it ended too early: {output.read_text()}"
+        assert time.monotonic() < deadline
+        time.sleep(pause)
+
+
+def is_saving(path):
+    """Whether a run's state is being written at this moment."""
+    return any(entry.name.startswith(".resume.safetensors.") for entry in os.scandir(path))
+
+
+def _call(function, arguments, output):
+    handle = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    sys.exit(function(*arguments))
+
+
+def _limited_command(arguments, largest_file):
+    if largest_file is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
+    return command(*arguments)
