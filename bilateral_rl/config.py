@@ -95,6 +95,8 @@ class OffPolicyConfig(StreamConfig):
     """Steps per arm between updates."""
     gradient_steps: int = 1
     """Updates at a time."""
+    critic_warm_up: int = 0
+    """Updates of the critics before the first of the network."""
     n_critics: int = 2
     """Of each reward stream; the smallest value counts."""
 
@@ -105,6 +107,8 @@ class SACConfig(OffPolicyConfig):
 
     ent_coef: float | None = None
     """The entropy temperature; None to learn it."""
+    initial_ent_coef: float = 1.0
+    """Where a learned temperature begins."""
     target_entropy: float | None = None
     """What a learned temperature steers to (nats); None for minus the number of muscles."""
 

@@ -7,6 +7,7 @@ import dataclasses
 from bilateral_rl.bptt.losses import PENALTIES
 from bilateral_rl.catalogue import check_choice, find_model
 from bilateral_rl.config import PROFILES, BPTTConfig, OnPolicyConfig, RLConfig, StreamConfig, TrainConfig
+from bilateral_rl.config_sizes import check_sizes
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies.networks import make_network
 
@@ -21,6 +22,7 @@ def check(config: TrainConfig) -> None:
     _check_range("trial.trial_length", config.trial.trial_length, 1, MAX_SIZE)
     _check_range("network.units", config.network.units, 0, MAX_SIZE)
     _check_range("network.layers", config.network.layers, 0, MAX_SIZE)
+    check_sizes(config)
     if config.device != "cpu" and not config.device.startswith("cuda"):
         raise UserError(f"Unknown device {config.device!r}; choose cpu or cuda.")
     try:
@@ -78,10 +80,12 @@ def _check_bptt(config: BPTTConfig) -> None:
 
 
 _POSITIVE = (
-    "learning_rate", "clip_range", "max_grad_norm", "reward_scale", "tau", "target_policy_noise", "target_noise_clip",
+    "learning_rate", "initial_ent_coef", "clip_range", "max_grad_norm", "reward_scale", "tau", "target_policy_noise",
+    "target_noise_clip",
 )  # fmt: skip
 _AT_LEAST_ZERO = (
     "final_learning_rate", "ent_coef", "final_ent_coef", "vf_coef", "weight_penalty", "action_noise", "learning_starts",
+    "critic_warm_up",
 )  # fmt: skip
 _FRACTIONS = ("gamma", "gae_lambda", "tau")
 _AT_LEAST_ONE = ("n_steps", "n_epochs", "train_freq", "gradient_steps", "policy_delay", "buffer_size")

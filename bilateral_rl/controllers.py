@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,11 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
 from bilateral_rl.policies.networks import MotorNetwork, make_network
-from bilateral_rl.run_folder import FINAL, RunFolder, Tensors
+from bilateral_rl.run_folder import FINAL, RunFolder
+from bilateral_rl.tensor_files import Tensors
+
+_MOST_DIGITS = 10
+"""Of a seed."""
 
 SEEDS = "seeds"
 """In the weights of a stacked run, the tensor (S,) of its seeds; every other tensor has a leading axis of them."""
@@ -27,7 +32,8 @@ SEEDS = "seeds"
 def parse_run(text: str) -> tuple[RunFolder, int | None]:
     """The run that RUN or RUN:seed names, and the seed if one is named. Raises UserError for what is no run."""
     path, colon, seed = text.rpartition(":")
-    if colon and seed.isdecimal() and not Path(text).exists():
+    has_seed = colon and seed.isdecimal() and len(seed) <= _MOST_DIGITS
+    if has_seed and not os.path.exists(text):  # noqa: PTH110 - which never raises
         return RunFolder.open(Path(path)), int(seed)
     return RunFolder.open(Path(text)), None
 
@@ -195,16 +201,24 @@ def _unstack(tensors: Tensors, config: TrainConfig, folder: RunFolder) -> dict[i
     seeds = seeds_of(config)
     tensors = dict(tensors)
     stored = tensors.pop(SEEDS, torch.empty(0))
-    if stored.flatten().tolist() != seeds or any(t.ndim < 1 or len(t) != len(seeds) for t in tensors.values()):
+    if (
+        stored.shape != (len(seeds),)
+        or stored.tolist() != seeds
+        or any(t.ndim < 1 or len(t) != len(seeds) for t in tensors.values())
+    ):
         raise UserError(f"The weights of {folder.path} are not those of its seeds, {_ranges(seeds)}.")
     return {seed: {name: tensor[i] for name, tensor in tensors.items()} for i, seed in enumerate(seeds)}
 
 
 def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
     own = module.state_dict()
-    wrong = sorted({*own} ^ {*tensors}) or [name for name in own if own[name].shape != tensors[name].shape]
+    wrong = sorted({*own} ^ {*tensors}) or [name for name in own if not _is_like(tensors[name], own[name])]
     if wrong:
         raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
+
+
+def _is_like(tensor: Tensor, other: Tensor) -> bool:
+    return tensor.shape == other.shape and tensor.dtype == other.dtype
 
 
 def _ranges(seeds: list[int]) -> str:

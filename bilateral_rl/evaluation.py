@@ -15,6 +15,7 @@ from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+from bilateral_rl.errors import UserError
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.threads import one_torch_thread
 
@@ -22,6 +23,10 @@ REPORTED_THRESHOLDS = (0.02, 0.03, 0.05)
 """Goal radii that every report gives (m; paper section 3)."""
 
 Float = NDArray[np.float32]
+
+
+class NotFiniteError(UserError, ValueError):
+    """A network or an arm whose numbers grew out of range, so that nothing can be measured."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +104,12 @@ class Evaluator:
         self._seeds = [seed + i for i in range(trials)]
 
     def run(self, policy: MotorPolicy, deterministic: bool = True) -> TrialRecord:
-        """Every trial once, under ``policy``."""
-        with one_torch_thread():
-            return self._run(policy, deterministic)
+        """Every trial once, under ``policy``. Raises NotFiniteError where its actions or the arms are no numbers."""
+        with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"):
+            record = self._run(policy, deterministic)
+        if not np.isfinite(record.hand).all() or not np.isfinite(record.vector_return).all():
+            raise NotFiniteError("These trials cannot be measured: the arm that trial.arm describes leaves all bounds.")
+        return record
 
     def _run(self, policy: MotorPolicy, deterministic: bool) -> TrialRecord:
         batch = self._batch
@@ -113,8 +121,7 @@ class Evaluator:
         hand[:, 0] = batch.hand
         for step in range(length):
             observation[:, step] = batch.observation
-            action, _ = policy.predict(batch.observation, deterministic=deterministic)
-            batch.step(action)
+            batch.step(_action(policy, batch.observation, deterministic))
             hand[:, step + 1] = batch.hand
             excitation[:, step] = batch.excitation
             activation[:, step] = batch.muscle[:, ACTIVATION]
@@ -130,6 +137,18 @@ class Evaluator:
             vector_return=batch.vector_return.copy(),
             arm=batch.settings.arm,
         )
+
+
+def _action(policy: MotorPolicy, observation: Float, deterministic: bool) -> Float:
+    try:
+        action, _ = policy.predict(observation, deterministic=deterministic)
+    except ValueError as error:
+        if "Normal" not in str(error):
+            raise
+        action = np.array(np.nan)  # torch's Gaussians refuse to be of what is not finite
+    if not np.isfinite(action).all():
+        raise NotFiniteError("This policy cannot be tested: its actions are not finite numbers.")
+    return action
 
 
 def summaries(record: TrialRecord, threshold: float) -> dict[float, dict[str, float]]:

@@ -34,15 +34,24 @@ class TrainingProgress(progress.Progress):
             disable=not self._draws,
         )
         self._task = self._bar.add_task("train", total=total_of(config), start=False, speed="", goal="")
+        self._announced = False
 
     def __enter__(self) -> TrainingProgress:
-        self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bar.stop()
+        if self._announced:
+            self._bar.stop()
+
+    def announce(self) -> None:
+        """Say what begins, at the latest when it does; before that, it may still be refused."""
+        if not self._announced:
+            self._announced = True
+            self._console.print(training_title(self._config))
+            self._bar.start()
 
     def on_start(self, done: int) -> None:
+        self.announce()
         self._bar.reset(self._task, completed=done)
 
     def on_step(self, done: int) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import importlib.metadata
 import json
 import os
 import platform
+import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,24 +17,30 @@ from typing import Any
 
 import torch
 import yaml
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
-from torch import Tensor
 
-from bilateral_rl import settings
+from bilateral_rl import files, settings, tensor_files
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.errors import UserError
+from bilateral_rl.files import replacing
 from bilateral_rl.resolve import resolve
+from bilateral_rl.tensor_files import Tensors
 
 FINAL, BEST = "final", "best"
-Tensors = dict[str, Tensor]
+LARGEST_JSON, LARGEST_WEIGHTS, LARGEST_RESUME = 2**20, 2**30, 2**32
+"""Bytes: the most that a configuration within bounds comes to."""
+MOST_STEPS = 2**63
+"""Of any count in ``status.json``."""
 
 _PACKAGES = ("gymnasium", "numpy", "safetensors", "stable-baselines3", "torch", "warp-lang")
 
 
 @dataclass(frozen=True)
 class RunFolder:
-    """``<out>/<task>/<model>-<algo>-<n>/``."""
+    """``<out>/<task>/<model>-<algo>-<n>/``.
+
+    It may be somebody else's. Whatever is read here is data and nothing else, of a size that it can have, and lies in
+    the folder.
+    """
 
     path: Path
 
@@ -44,21 +51,53 @@ class RunFolder:
         try:
             parent.mkdir(parents=True, exist_ok=True)
             folder = cls(_next_free(parent, f"{config.model}-{config.algo}"))
-            (folder.path / "weights").mkdir()
+            with _removed_if_it_fails(folder.path):
+                (folder.path / "weights").mkdir()
+                folder.write_config(config)
+                folder.write_json("versions.json", versions())
         except OSError as error:
             raise UserError(f"Cannot write a run under {out}: {error.strerror}. Choose another --out.") from None
-        folder.write_config(config)
-        folder.write_json("versions.json", versions())
         return folder
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
         """An existing run. Raises UserError if it is missing or is no run."""
-        if not path.is_dir():
+        try:
+            is_folder, is_zip = path.is_dir(), path.suffix.lower() == ".zip" and path.is_file()
+            is_run = (path / "config.yaml").is_file()
+        except OSError as error:
+            raise UserError(f"There is no run {path}: {error.strerror}.") from None
+        if is_zip:
+            raise UserError(f"{path} is no run but a model; make one of it with `bilateral-rl import`.")
+        if not is_folder:
             raise UserError(f"There is no run {path}; `bilateral-rl list` shows those there are.")
-        if not (path / "config.yaml").is_file():
+        if not is_run:
             raise UserError(f"{path} is not a run: it has no config.yaml. `bilateral-rl list` shows those there are.")
         return cls(path)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """A context in which this process alone trains into the folder; however it ends, so does the lock.
+
+        Raises:
+            UserError: another training holds the lock, or the folder cannot be written, or not without harm to other
+                things (:func:`bilateral_rl.files.refuse_traps`).
+        """
+        files.refuse_traps(self.path)
+        path = self.path / ".lock"
+        try:
+            handle = _lock(path)
+        except BlockingIOError:
+            raise UserError(f"Another training is writing into {self.path}; wait for its end, or stop it.") from None
+        except OSError as error:
+            raise UserError(f"Cannot write {self.path}: {error.strerror}.") from None
+        try:
+            yield
+        finally:
+            if _is_at(path, handle):
+                with contextlib.suppress(OSError):
+                    path.unlink()  # while it is held: who has opened it sees that it is gone
+            os.close(handle)
 
     def write_config(self, config: TrainConfig) -> None:
         """Write ``config.yaml``."""
@@ -66,14 +105,21 @@ class RunFolder:
 
     def config(self) -> TrainConfig:
         """The resolved configuration. Raises UserError if it is damaged."""
-        values = settings.load_file(self.path / "config.yaml")
-        return resolve(None, None, [values])
+        values = settings.load_file(self.path / "config.yaml", within=self.path)
+        try:
+            return resolve(None, None, [values])
+        except UserError as error:
+            raise UserError(f"{self.path / 'config.yaml'} describes no training: {error}") from None
 
     def status(self) -> dict[str, Any]:
         """``status.json``: state, weights and how far it came; or an empty dictionary. Raises UserError if damaged."""
         status = self.read_json("status.json", default={})
         types = {"state": str, "timesteps": int, "epochs": int, "updates": int, "weights": str, "seeds": list}
-        if not isinstance(status, dict) or any(not isinstance(status.get(k, t()), t) for k, t in types.items()):
+        if (
+            not isinstance(status, dict)
+            or any(type(status.get(name, kind())) is not kind for name, kind in types.items())
+            or any(not 0 <= status.get(name, 0) < MOST_STEPS for name, kind in types.items() if kind is int)
+        ):
             raise UserError(f"{self.path / 'status.json'} is damaged: it does not say how far the training came.")
         return status
 
@@ -83,7 +129,14 @@ class RunFolder:
 
     def load_weights(self, name: str) -> Tensors:
         """Read ``weights/<name>.safetensors``. Raises UserError if it is missing, damaged or not finite."""
-        tensors = self._read_tensors(f"weights/{name}.safetensors")
+        names = self.weight_names()
+        path = self.path / "weights" / f"{name}.safetensors"
+        try:
+            if name not in names:  # nor are names that lead elsewhere
+                raise FileNotFoundError
+            tensors = tensor_files.load(path, LARGEST_WEIGHTS, within=self.path)
+        except FileNotFoundError:
+            raise UserError(f"{path} does not exist; the run's weights are: {', '.join(names) or 'none'}.") from None
         broken = [key for key, tensor in tensors.items() if tensor.is_floating_point() and not tensor.isfinite().all()]
         if broken:
             raise UserError(f"The weights {name} of {self.path} are not finite numbers in {', '.join(broken)}.")
@@ -99,7 +152,11 @@ class RunFolder:
 
     def load_resume(self) -> Tensors:
         """What :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
-        return self._read_tensors("resume.safetensors")
+        path = self.path / "resume.safetensors"
+        try:
+            return tensor_files.load(path, LARGEST_RESUME, within=self.path)
+        except FileNotFoundError:
+            raise UserError(f"{path} does not exist, and without it the training cannot go on.") from None
 
     def write_json(self, name: str, values: Any) -> None:
         """Write ``name`` as JSON."""
@@ -107,12 +164,13 @@ class RunFolder:
 
     def read_json(self, name: str, default: Any = None) -> Any:
         """``name`` as JSON, or ``default`` if it is missing. Raises UserError if it is damaged."""
+        path = self.path / name
         try:
-            return json.loads((self.path / name).read_text(encoding="utf-8"))
+            return json.loads(files.read(path, LARGEST_JSON, within=self.path))
         except FileNotFoundError:
             return default
-        except (OSError, ValueError) as error:
-            raise UserError(f"{self.path / name} is damaged: {error}.") from None
+        except (ValueError, RecursionError) as error:
+            raise UserError(f"{path} is damaged: {error}.") from None
 
     def write_text(self, name: str, text: str) -> None:
         """Write ``name`` whole or not at all."""
@@ -121,31 +179,7 @@ class RunFolder:
 
     def _write_tensors(self, name: str, tensors: Tensors) -> None:
         with replacing(self.path / name) as temporary:
-            save_file({key: tensor.detach().cpu().contiguous() for key, tensor in tensors.items()}, temporary)
-
-    def _read_tensors(self, name: str) -> Tensors:
-        path = self.path / name
-        if not path.is_file():
-            names = ", ".join(self.weight_names()) or "none"
-            raise UserError(f"{path} does not exist; the run's weights are: {names}.")
-        try:
-            return load_file(path)
-        except (SafetensorError, OSError, ValueError) as error:
-            raise UserError(f"{path} is damaged: {error}.") from None
-
-
-@contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place at the end, or vanishes if anything fails."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+            tensor_files.save(tensors, temporary)
 
 
 def find_runs(out: Path) -> list[RunFolder]:
@@ -166,6 +200,36 @@ def versions() -> dict[str, Any]:
         "torch_device": torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu",
         **packages,
     }
+
+
+def _lock(path: Path) -> int:
+    """A handle of ``path`` that holds an exclusive lock. Raises BlockingIOError if another one does."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(path, handle):
+                return handle
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)  # it was removed in between by the one that held it
+
+
+def _is_at(path: Path, handle: int) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat(follow_symlinks=False))
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def _removed_if_it_fails(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def _git_commit() -> str | None:

@@ -13,9 +13,13 @@ from typing import Any
 
 import yaml
 
+from bilateral_rl import files
 from bilateral_rl.errors import UserError
 
 Values = dict[str, Any]
+LARGEST_FILE, MOST_NODES, DEEPEST, LONGEST_SCALAR = 2**20, 10_000, 20, 2_000
+"""Bounds of what is read as settings, in bytes, parts, levels and characters: far beyond use, as libyaml crashes at
+deep nesting and huge numbers take minutes."""
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The safe loader, ten times faster where libyaml is there."""
 
@@ -29,17 +33,54 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
     return merged
 
 
-def load_file(path: Path) -> Values:
-    """Settings from a YAML or JSON file, read without executing anything in it. Raises UserError."""
+def load_file(path: Path, within: Path | None = None) -> Values:
+    """Settings from a YAML or JSON file, read without executing anything in it.
+
+    Args:
+        path: the file.
+        within: the folder that it belongs to, as for :func:`bilateral_rl.files.read`.
+
+    Raises:
+        UserError: a file that cannot be read or holds anything but settings.
+    """
     try:
-        values = yaml.load(path.read_text(encoding="utf-8"), Loader=_LOADER)
-    except OSError as error:
+        values = parse(files.read(path, LARGEST_FILE, within).decode("utf-8"))
+    except FileNotFoundError as error:
         raise UserError(f"Cannot read the configuration {path}: {error.strerror}.") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except ValueError as error:
         raise UserError(f"The configuration {path} is neither YAML nor JSON: {_one_line(error)}.") from None
     if not isinstance(values, dict):
         raise UserError(f"The configuration {path} must hold settings by name, as `bilateral-rl train` writes them.")
     return values
+
+
+def parse(text: str) -> Any:
+    """What YAML or JSON says, in plain numbers, words, lists and dictionaries.
+
+    Raises:
+        ValueError: other text; or what no settings need and a trap could be made of: tags, references to other parts
+            of the text, more than 10,000 parts or 20 levels, a part of more than 2,000 characters.
+    """
+    try:
+        _refuse_traps(text)
+        return yaml.load(text, Loader=_LOADER)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+
+
+def _refuse_traps(text: str) -> None:
+    depth = 0
+    for n, event in enumerate(yaml.parse(text, Loader=_LOADER)):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
+        if anchor is not None:
+            raise ValueError(f"it refers to parts of itself by the name {anchor!r}")
+        if tag is not None:
+            raise ValueError(f"it has the tag {tag!r}")
+        if len(getattr(event, "value", "")) > LONGEST_SCALAR:
+            raise ValueError(f"it has a part of more than {LONGEST_SCALAR:,} characters")
+        if n > MOST_NODES or depth > DEEPEST:
+            raise ValueError(f"it has more than {MOST_NODES:,} parts or {DEEPEST} levels")
 
 
 def parse_overrides(items: Sequence[str]) -> Values:
@@ -50,8 +91,8 @@ def parse_overrides(items: Sequence[str]) -> Values:
         if not equals or not key:
             raise UserError(f"--set takes key=value, such as ppo.learning_rate=0.003, not {item!r}.")
         try:
-            value = yaml.safe_load(text)
-        except (yaml.YAMLError, ValueError, RecursionError):
+            value = parse(text)
+        except ValueError:
             raise UserError(f"The value in --set {item!r} is neither a number, a word nor a list.") from None
         for part in reversed(key.split(".")):
             value = {part: value}
@@ -102,17 +143,21 @@ def _convert(hint: Any, value: Any, name: str) -> Any:
 def _convert_scalar(hint: Any, value: Any, name: str) -> Any:
     if (hint is str and isinstance(value, str)) or (hint is bool and isinstance(value, bool)):
         return value
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if isinstance(value, str) and hint in (int, float):
-        # YAML reads 1e-3 as a word.
-        with contextlib.suppress(ValueError):
-            value, is_number = float(value), True
-    if hint is float and is_number and math.isfinite(value):
-        return float(value)
-    if hint is int and is_number and math.isfinite(value) and value == int(value):
-        return int(value)
+    number = _as_number(value) if hint in (int, float) else math.nan
+    if hint is float and math.isfinite(number):
+        return number
+    if hint is int and math.isfinite(number) and number.is_integer():
+        return int(value) if isinstance(value, int) else int(number)
     wanted = {int: "a whole number", float: "a finite number", str: "a word", bool: "true or false"}[hint]
     raise UserError(f"{name} must be {wanted}, got {value!r}.")
+
+
+def _as_number(value: Any) -> float:
+    """``value``, which may be a word as which YAML reads 1e-3; nan for what is no number or too large for one."""
+    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        with contextlib.suppress(ValueError, OverflowError):
+            return float(value)
+    return math.nan
 
 
 def plain(value: Any) -> Any:

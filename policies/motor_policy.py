@@ -34,7 +34,8 @@ class MotorPolicy(BasePolicy):
 
     def _use_fused_adam(self) -> None:
         # A small network's update is mostly overhead, of which the fused kernel has a third.
-        if self.optimizer_class is torch.optim.Adam:
+        other_kinds = {"foreach", "differentiable"} & self.optimizer_kwargs.keys()
+        if self.optimizer_class is torch.optim.Adam and not other_kinds:
             self.optimizer_kwargs = {"fused": True} | self.optimizer_kwargs
 
     def _network_optimizer(self) -> torch.optim.Optimizer:

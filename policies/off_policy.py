@@ -181,14 +181,16 @@ class BilateralOffPolicyPolicy(MotorPolicy):
             critics = self.critic.q_networks[stream * self.n_critics : (stream + 1) * self.n_critics]
             groups[f"critic_{stream}"] = [parameter for critic in critics for parameter in critic.parameters()]
         owned = {id(parameter) for group in groups.values() for parameter in group}
-        trained = [*self.actor.parameters(), *self.critic.parameters()]
-        groups["shared"] += [parameter for parameter in trained if id(parameter) not in owned]
+        # By id: actor and critics may have one features extractor.
+        trained = {id(parameter): parameter for parameter in (*self.actor.parameters(), *self.critic.parameters())}
+        groups["shared"] += [parameter for key, parameter in trained.items() if key not in owned]
         return groups
 
     def first_values(self, observations: Tensor, actions: Tensor) -> Tensor:
         """(b, n_streams): what the first critic of each stream says."""
         critic = self.critic
-        features = critic.extract_features(observations, critic.features_extractor)
+        with torch.no_grad():  # as in SB3: what the actor's features extractor learns comes through the action
+            features = critic.extract_features(observations, critic.features_extractor)
         inputs = torch.cat([features, actions], dim=1)
         return torch.cat([network(inputs) for network in critic.q_networks[:: self.n_critics]], dim=1)
 

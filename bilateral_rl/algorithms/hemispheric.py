@@ -73,10 +73,10 @@ class Hemispheric(BaseAlgorithm):
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **kwargs)
 
     def _setup_model(self) -> None:
-        super()._setup_model()  # type: ignore[safe-super]
         if not isinstance(self.observation_space, spaces.Box):
             name = type(self).__name__
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
+        super()._setup_model()  # type: ignore[safe-super]
         self._mix = stream_mix(self.loss)
         self._shares = shares(self.loss)
         # Walking through a policy costs a millisecond, so it is done once.
@@ -100,7 +100,8 @@ class Hemispheric(BaseAlgorithm):
             if "vector_reward" not in infos[0]:
                 raise ValueError(
                     f"{type(self).__name__} needs a pair of rewards, dominant and non-dominant: the environment has "
-                    "neither last_vector_reward (n_envs, 2) nor info['vector_reward'] (2,)."
+                    "neither last_vector_reward (n_envs, 2) nor info['vector_reward'] (2,); wrap it in "
+                    "bilateral_rl.envs.VectorReward."
                 )
             pair = np.array([info["vector_reward"] for info in infos], dtype=np.float32)
         return np.asarray(pair @ self._mix.T * self.reward_scale, dtype=np.float32)

@@ -8,6 +8,7 @@ import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.utils import polyak_update
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy, Log
@@ -20,8 +21,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     Each stream has its own critics, of which the smallest value counts, and its own target critics. The loss of a
     stream is minus that value, minus the temperature times the entropy; its gradients are routed
     (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. Arguments as for
-    :class:`~bilateral_rl.algorithms.hemispheric.Hemispheric` and SB3's ``SAC``, without ``replay_buffer_class`` and
-    ``n_steps``; ``target_update_interval`` counts updates.
+    :class:`~bilateral_rl.algorithms.off_policy.HemisphericOffPolicy` and SB3's ``SAC``; ``target_update_interval``
+    counts updates.
     """
 
     POLICY_CLASS = BilateralSACPolicy
@@ -56,10 +57,12 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         log["actor_loss"].append(losses.detach())
         log["train/ent_coef"].append(ent_coef.squeeze())
         log["train/entropy"].append(-log_prob.detach().mean())
+        log["train/std"].append(actor.log_std.detach().exp().mean())
         losses = losses + self._temperature_loss(log_prob.detach())
         self._update_network(losses, self._temperature_optimizers())
         if self._n_updates % self.target_update_interval == 0:
             self._follow(self.critic, self.critic_target)
+            polyak_update(self.batch_norm_stats, self.batch_norm_stats_target, 1.0)
 
     def _temperature(self) -> Tensor:
         return self.ent_coef_tensor if self.log_ent_coef is None else self.log_ent_coef.detach().exp()

@@ -8,6 +8,7 @@ import torch
 from stable_baselines3 import TD3
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.utils import polyak_update
 
 from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy, Log
 from bilateral_rl.policies.off_policy import TD3_ALIASES, BilateralTD3Policy
@@ -18,8 +19,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
 
     Each stream has its own critics, of which the smallest value counts, and its own target critics; the deterministic
     policy gradient through a stream's first critic is that stream's, and is routed (``algorithms/routing.py``).
-    Arguments as for :class:`~bilateral_rl.algorithms.hemispheric.Hemispheric` and SB3's ``TD3``, without
-    ``replay_buffer_class`` and ``n_steps``.
+    Arguments as for :class:`~bilateral_rl.algorithms.off_policy.HemisphericOffPolicy` and SB3's ``TD3``.
     """
 
     POLICY_CLASS = BilateralTD3Policy
@@ -40,3 +40,5 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             self._update_network(losses)
             self._follow(self.critic, self.critic_target)
             self._follow(policy.actor, policy.actor_target)
+            polyak_update(self.critic_batch_norm_stats, self.critic_batch_norm_stats_target, 1.0)
+            polyak_update(self.actor_batch_norm_stats, self.actor_batch_norm_stats_target, 1.0)

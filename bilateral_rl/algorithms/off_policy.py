@@ -24,7 +24,17 @@ Log = defaultdict[str, list[Tensor]]
 
 
 class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
-    """Stores a reward for each stream, trains critics for each, and routes what they say to the network."""
+    """Stores a reward for each stream, trains critics for each, and routes what they say to the network.
+
+    Args:
+        *args: as for :class:`~bilateral_rl.algorithms.hemispheric.Hemispheric`.
+        critic_warm_up: updates of the critics before the first of the network. The cost of effort shows at once and
+            what movement is good for only later, so that a network that follows fresh critics learns to do nothing.
+        **kwargs: likewise.
+
+    Raises:
+        ValueError: ``replay_buffer_class`` or ``n_steps``, besides what every hemispheric algorithm raises.
+    """
 
     policy: BilateralOffPolicyPolicy
     critic: ContinuousCritic
@@ -32,6 +42,10 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
 
     _CRITIC_LOSS = 1.0
     """Factor on the mean squared error of each critic, as in the SB3 parent."""
+
+    def __init__(self, *args: Any, critic_warm_up: int = 0, **kwargs: Any) -> None:
+        self.critic_warm_up = critic_warm_up
+        super().__init__(*args, **kwargs)
 
     def _setup_model(self) -> None:
         if self.replay_buffer_class not in (None, StreamReplayBuffer):
@@ -88,13 +102,18 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         values = self._values(self.critic, batch.observations, batch.actions)
         loss = self._CRITIC_LOSS * (values - target[..., None]).square().mean(dim=0).sum(dim=1)
         self.critic.optimizer.zero_grad()
-        loss.sum().backward()  # streams share no critic
+        loss.sum().backward()  # streams share no critic, but a features extractor before them, which gets half of each
+        for parameter in self.critic.features_extractor.parameters():
+            if parameter.grad is not None:
+                parameter.grad /= self.policy.n_streams
         self.critic.optimizer.step()
         log["critic_loss"].append(loss.detach())
         log["value"].append(values.detach().mean(dim=(0, 2)))
 
     def _update_network(self, losses: Tensor, others: Sequence[torch.optim.Optimizer] = ()) -> None:
         """One step of the network, and of ``others``, along the routed gradients of the losses (n_streams,)."""
+        if self._n_updates <= self.critic_warm_up:
+            return
         self._route(list(losses.unbind()), self._actor_groups)
         for optimizer in (self.policy.actor.optimizer, *others):
             optimizer.step()

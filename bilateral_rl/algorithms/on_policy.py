@@ -164,8 +164,10 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         for stream, name in enumerate(stream_names(self.loss)):
             values, returns = self.rollout.values[..., stream].ravel(), self.rollout.returns[..., stream].ravel()
             record(f"explained_variance/{name}", float(explained_variance(values, returns)))
+            record(f"value/{name}", float(values.mean()))
         self._log_averages(log)
         record("train/std", self.policy.log_std.exp().mean().item())
+        record("train/entropy", gaussian_entropy(self.policy.log_std).item())
         record("train/ent_coef", self._present_ent_coef())
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import shlex
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from rich.table import Table
 from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
-from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric, specialization_index
+from bilateral_rl.analysis.metrics import ALONE, Metric, find_metric, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.controllers import parse_run
@@ -26,8 +27,9 @@ from bilateral_rl.errors import UserError
 from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
+from bilateral_rl.files import refuse_traps, replacing
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.run_folder import RunFolder, replacing
+from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.settings import plain
 
 RESULTS, SETTINGS = "lesions.csv", "settings.json"
@@ -55,8 +57,10 @@ def lesion(
     study = LesionStudy(folder, settings, only, weights)
     place = out or default_place(folder, only)
     asked = plain({"run": str(folder.path.resolve()), "weights": weights, **dataclasses.asdict(settings)})
-    _check_place(place, folder, asked)
-    results = _with_progress(study, console)
+    if out is None and place.is_symlink():
+        raise UserError(f"{place} is a link; name where it leads by --out, or remove it.")
+    with _claimed(place, folder, asked):
+        results = _with_progress(study, console)
     title = escape(f"{run} ({weights}), {trials} trials of seed {seed}")
     console.print(f"[italic]{title}", soft_wrap=True, highlight=False)
     console.print(_table(results, study))
@@ -76,12 +80,30 @@ def default_place(folder: RunFolder, only: int | None) -> Path:
     return path.with_name(f"{path.name}{seed}-lesions")
 
 
+@contextlib.contextmanager
+def _claimed(place: Path, folder: RunFolder, asked: Mapping[str, Any]) -> Iterator[None]:
+    """A context in which ``place`` is there to write into; if anything fails, nothing is left of it.
+
+    Raises:
+        UserError: other files could be harmed there, or none be written.
+    """
+    is_new = not place.exists()
+    try:
+        _check_place(place, folder, asked)
+        yield
+    except BaseException:
+        if is_new:
+            with contextlib.suppress(OSError):
+                place.rmdir()
+        raise
+
+
 def _check_place(place: Path, folder: RunFolder, asked: Mapping[str, Any]) -> None:
-    """Raise a UserError where other files could be harmed or none be written."""
     if place.resolve().is_relative_to(folder.path.resolve()):
         raise UserError(f"{place} lies in the run, which stays as it is; choose another --out.")
     try:
         place.mkdir(parents=True, exist_ok=True)
+        refuse_traps(place)
         if any(place.iterdir()) and not (place / RESULTS).is_file():
             raise UserError(f"{place} holds other things than an earlier {RESULTS}; choose another --out.")
         if RunFolder(place).read_json(SETTINGS, default=asked) != asked:
@@ -124,13 +146,12 @@ def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
 
 def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
     """The specialization index in words; empty unless both sides were lesioned."""
-    if not {"deep_dominant", "deep_non_dominant"} <= set(study.names):
+    if not set(ALONE.values()) <= set(study.names):
         return ""
     metric, parts = _metrics(study.config)[0], []
     for retrained in _conditions(study):
-        dominant = _values(results, study, metric, "deep_non_dominant", retrained)
-        non_dominant = _values(results, study, metric, "deep_dominant", retrained)
-        index = pd.Series(specialization_index(dominant, non_dominant))
+        alone = [_values(results, study, metric, lesion, retrained) for lesion in ALONE.values()]
+        index = pd.Series(specialization_index(*alone))
         parts.append(f"{_spread(index, '+.3f')} {_CONDITIONS[retrained]}")
     return f"Specialization index: {', '.join(parts)} (above 0: the dominant side does more alone)."
 

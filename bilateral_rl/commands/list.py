@@ -33,9 +33,10 @@ def list_all(out: Path, console: Console) -> None:
     table = Table("run", "state", "done", title="Runs", title_justify="left")
     for run in runs:
         try:
+            run.config()
             status = run.status()
         except UserError:
-            status = {"state": "damaged"}
+            status = {"state": "unreadable"}
         table.add_row(escape(str(run.path)), escape(status.get("state", "?")), _done(status))
     console.print(table)
 

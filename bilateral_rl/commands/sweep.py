@@ -18,7 +18,7 @@ from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
 from bilateral_rl.errors import UserError
 from bilateral_rl.figures.labels import with_unit
-from bilateral_rl.run_folder import replacing
+from bilateral_rl.files import replacing
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import JobState
 from bilateral_rl.study.plan import side_by_side

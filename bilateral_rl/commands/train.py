@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,16 +13,16 @@ from rich.console import Console
 from rich.markup import escape
 
 from bilateral_rl import settings, training
-from bilateral_rl.config import BPTTConfig, TrainConfig
-from bilateral_rl.controllers import initial_states
+from bilateral_rl.config import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.controllers import initial_states, parse_run
 from bilateral_rl.errors import UserError
 from bilateral_rl.evaluation import Evaluator
-from bilateral_rl.progress import Outcome, Progress, check_device
-from bilateral_rl.reports import TrainingProgress, measures_table, training_title
+from bilateral_rl.progress import Outcome, check_device
+from bilateral_rl.reports import TrainingProgress, measures_table
 from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.tracking import check_tracking
 
-INTERRUPTED_EXIT = 130
+INTERRUPTED_EXIT = 128 + signal.SIGINT
 SUMMARY_TRIALS, SUMMARY_SEED = 1024, 2_000_000
 """Of the table at the end of a training; `evaluate` defaults to the same, so that both print the same numbers."""
 
@@ -41,21 +42,37 @@ def train(
     layers += [settings.parse_overrides(overrides), _nested(flags)]
     config = resolve(algo, task, layers, model=model)
     check_device(config.device)
+    _check_tracking(config)
     initial_states(config)  # refused before anything is announced
-    _report_training(config, console, lambda progress: training.train(config, out, progress))
+
+    def run(progress: TrainingProgress) -> Outcome:
+        progress.announce()  # compiling the arm, the first time, takes a while
+        return training.train(config, out, progress)
+
+    _report_training(config, console, run)
 
 
 def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
-    _refuse_but(("timesteps", "epochs", "device"), given)
-    folder = RunFolder.open(path)
+    _refuse_but(("timesteps", "epochs", "track", "device"), given)
+    folder, seed = parse_run(str(path))
+    if seed is not None:
+        raise UserError(f"--resume goes on with the whole run: give it {folder.path}, without :{seed}.")
     config = folder.config()
-    allowed = ("epochs" if isinstance(config, BPTTConfig) else "timesteps", "device")
+    allowed = ("epochs", "device") if isinstance(config, BPTTConfig) else ("timesteps", "track", "device")
     _refuse_but(allowed, given)
-    values = config.to_values() | {name: given[name] for name in allowed if given[name] is not None}
-    config = resolve(None, None, [values])
+    values = config.to_values()
+    if "track" in values:
+        values["track"] = False  # the run may be somebody else's: who goes on with it says whether it is tracked
+    config = resolve(None, None, [values | {name: given[name] for name in allowed if given[name] is not None}])
     check_device(config.device)
+    _check_tracking(config)
     _report_training(config, console, lambda progress: training.resume(folder, config, progress))
+
+
+def _check_tracking(config: TrainConfig) -> None:
+    if isinstance(config, RLConfig) and config.track:
+        check_tracking()
 
 
 def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
@@ -66,8 +83,7 @@ def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
             raise UserError(f"A resumed run keeps its settings: --resume takes {flags} here, not --{flag}.")
 
 
-def _report_training(config: TrainConfig, console: Console, run: Callable[[Progress], Outcome]) -> None:
-    console.print(training_title(config))
+def _report_training(config: TrainConfig, console: Console, run: Callable[[TrainingProgress], Outcome]) -> None:
     with TrainingProgress(config, console) as progress:
         outcome = run(progress)
     for note in outcome.notes:
@@ -75,11 +91,12 @@ def _report_training(config: TrainConfig, console: Console, run: Callable[[Progr
     path = escape(shlex.quote(str(outcome.folder.path)))
     out = escape(shlex.quote(str(outcome.folder.path.parent.parent)))
     minutes = f"{outcome.seconds / 60:.1f} minutes"
-    if outcome.interrupted:
+    if outcome.stopped_by is not None:
         unit = "updates" if isinstance(config, BPTTConfig) else "steps"
         console.print(f"Stopped after {outcome.done:,} {unit} and {minutes}; saved in [bold]{path}[/bold].")
-        console.print(f"Go on with: bilateral-rl train --resume {path}", soft_wrap=True)
-        sys.exit(INTERRUPTED_EXIT)
+        track = " --track" if isinstance(config, RLConfig) and config.track else ""
+        console.print(f"Go on with: bilateral-rl train --resume {path}{track}", soft_wrap=True)
+        sys.exit(128 + outcome.stopped_by)
     evaluator = Evaluator(config.task, config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
     records = {seed: evaluator.run(policy) for seed, policy in outcome.policies.items()}
     console.print(

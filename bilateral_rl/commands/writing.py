@@ -10,12 +10,13 @@ from typing import Any
 from rich.console import Console
 
 from bilateral_rl.errors import UserError
-from bilateral_rl.run_folder import replacing
+from bilateral_rl.files import replacing
+from bilateral_rl.terminal import Terminal
 
 
 def apart_from(console: Console, *paths: Path | None) -> Console:
     """Where to print for people: not among data that go to the terminal, so that these can be piped on."""
-    return Console(stderr=True) if any(str(path) == "-" for path in paths) else console
+    return Terminal(stderr=True) if any(str(path) == "-" for path in paths) else console
 
 
 def write(path: Path, text: str) -> None:

@@ -13,6 +13,7 @@ from rich.table import Column
 from rich.text import Text
 
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState
+from bilateral_rl.terminal import printable
 
 LINE_INTERVAL = 30.0
 """Seconds between two lines on the whole study, where there is no terminal."""
@@ -183,7 +184,7 @@ class ConsoleBoard(Board):
             self._bars.remove_task(self._tasks.pop(job.name))
 
     def _say(self, line: str) -> None:
-        self._console.print(Text(line), soft_wrap=True)
+        self._console.print(Text(printable(line)), soft_wrap=True)
 
 
 def duration(seconds: float) -> str:

@@ -8,7 +8,7 @@ import yaml
 
 from bilateral_rl import settings
 from bilateral_rl.errors import UserError
-from bilateral_rl.run_folder import replacing
+from bilateral_rl.files import refuse_traps, replacing
 from bilateral_rl.settings import Values
 from bilateral_rl.study.jobs import make_study_folder
 
@@ -19,12 +19,14 @@ def claim_folder(folder: Path, study: Values) -> None:
     """Make ``folder`` that of the study that ``study`` describes, or see that it is.
 
     Raises:
-        UserError: a folder that cannot be written, or that holds another study or other things.
+        UserError: a folder that cannot be written, or not without harm to other things, or that holds another study or
+            other things.
     """
     make_study_folder(folder)
+    refuse_traps(folder)
     path = folder / STUDY_FILE
     if path.is_file():
-        _check_same(path, settings.load_file(path), study)
+        _check_same(path, settings.load_file(path, within=folder), study)
         return
     try:
         if any(folder.iterdir()):

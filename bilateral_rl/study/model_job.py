@@ -9,18 +9,19 @@ from typing import Any
 
 from bilateral_rl import training
 from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
-from bilateral_rl.config import BPTTConfig, TrainConfig
+from bilateral_rl.config import TrainConfig
 from bilateral_rl.errors import UserError
+from bilateral_rl.files import replacing
 from bilateral_rl.policies.lesions import lesion_words
 from bilateral_rl.progress import FAILED, FINISHED, Outcome, Progress
 from bilateral_rl.reports import total_of
 from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import RunFolder, find_runs, replacing
+from bilateral_rl.run_folder import RunFolder, find_runs
 from bilateral_rl.settings import Values
 from bilateral_rl.study.jobs import JobProgress
 
-_OF_THE_MACHINE = ("threads", "device")
-"""Settings that change how fast a run is made, not what comes out."""
+_OF_THE_MACHINE = ("threads", "device", "track")
+"""Settings that change how a run is made, not what comes out."""
 _TRAINING_SHARE = 0.85
 """Of a job's time, roughly: for its progress bar."""
 
@@ -84,8 +85,7 @@ def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunF
 
 def _is_saved(run: RunFolder) -> bool:
     """Whether it was saved before it stopped, so that it can go on."""
-    by_bptt = isinstance(run.config(), BPTTConfig) and (run.path / "resume.safetensors").is_file()
-    return by_bptt or "weights" in run.status()
+    return (run.path / "resume.safetensors").is_file()
 
 
 def _finished(outcome: Outcome) -> RunFolder:

@@ -11,9 +11,11 @@ from bilateral_rl.analysis import results
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.config import BPTTConfig, TrainConfig
 from bilateral_rl.errors import UserError
+from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS
 from bilateral_rl.run_folder import RunFolder
 from bilateral_rl.study.model_job import find_run
 from bilateral_rl.study.plan import results_file, runs_folder
+from bilateral_rl.tables import read_table
 
 
 def read_result(path: Path) -> pd.DataFrame:
@@ -42,13 +44,18 @@ def runs_of(folder: Path, configs: Sequence[TrainConfig]) -> dict[str, list[RunF
 
 
 def learning_history(runs: Mapping[str, list[RunFolder]]) -> pd.DataFrame:
-    """How the networks learned: a row a model, seed and epoch, or evaluation."""
+    """How the networks learned: a row a model, seed and epoch, or evaluation. Raises UserError if it is damaged."""
     tables = [_history(run).assign(model=model) for model, of_model in runs.items() for run in of_model]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 
 
 def _history(run: RunFolder) -> pd.DataFrame:
     config = run.config()
-    if isinstance(config, BPTTConfig):
-        return pd.read_csv(run.path / "epochs.csv")
-    return pd.read_csv(run.path / "evaluations.csv").assign(seed=config.seed)
+    supervised = isinstance(config, BPTTConfig)
+    name, counts = ("epochs.csv", ("seed", "epoch")) if supervised else ("evaluations.csv", ("timesteps",))
+    measures = [measure.name for measure in (VALIDATION_LOSS if supervised else FINAL_ERROR, *PREFERRED.values())]
+    try:
+        table = read_table(run.path / name, dict.fromkeys(counts, int) | dict.fromkeys(measures, float))
+    except FileNotFoundError:
+        raise UserError(f"{run.path} does not say how it learned: it has no {name}.") from None
+    return table if supervised else table.assign(seed=config.seed)

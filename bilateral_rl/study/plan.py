@@ -21,6 +21,9 @@ QUICK_SEEDS = 3
 _QUICK: dict[str, Values] = {
     "bptt": {"epochs": 10},
     "ppo": {"timesteps": 600_000, "evaluation": {"every": 150_000}},
+    "a2c": {"timesteps": 1_200_000, "evaluation": {"every": 300_000}},
+    "sac": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
+    "td3": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
 }
 RADII = {"random_reach": 0.05, "hold_position": 0.01}
 """Of each task's goal, by which claims are judged (m)."""

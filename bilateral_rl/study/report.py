@@ -17,12 +17,14 @@ from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.claims import Claim, margins
 from bilateral_rl.config import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
-from bilateral_rl.run_folder import replacing, versions
+from bilateral_rl.files import replacing
+from bilateral_rl.run_folder import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import RADII, Study
 from bilateral_rl.study.tables import ReportTable
 
-LOG_LINES = 25
+LOG_LINES, LOG_BYTES = 25, 2**16
+"""The end of a log that is shown, at most."""
 _RULE = (
     "A claim is supported if all its parts are, not supported if any is not, otherwise undecided. A part with a "
     "direction is supported if the difference is significant (adjusted p < 0.05), and not supported if it is "
@@ -147,7 +149,10 @@ def _job(outcome: JobOutcome) -> dict[str, str]:
 
 
 def _end_of(log: Path) -> str:
-    return "\n".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-LOG_LINES:])
+    with log.open("rb") as file:
+        file.seek(max(log.stat().st_size - LOG_BYTES, 0))
+        text = file.read(LOG_BYTES).decode("utf-8", errors="replace")
+    return "\n".join(text.splitlines()[-LOG_LINES:])
 
 
 def _jobs_summary(outcomes: Sequence[JobOutcome]) -> str:

@@ -16,6 +16,7 @@ from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, lesion_words
 from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.terminal import printable
 from bilateral_rl.video.film import Take
 
 
@@ -86,7 +87,7 @@ def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
     """What each is called: model, algorithm, seed and lesion, and the folder where that is not enough."""
     plain = [f"{actor.config.model} · {actor.config.algo} · seed {actor.seed}" for actor in actors]
     if len(set(plain)) < len(plain):
-        plain = [f"{label} ({actor.path.name})" for label, actor in zip(plain, actors, strict=True)]
+        plain = [f"{label} ({printable(actor.path.name)})" for label, actor in zip(plain, actors, strict=True)]
     if lesion == INTACT:
         return plain
     return [f"{label} · lesion: {lesion_words(lesion)}" for label in plain]

@@ -10,7 +10,7 @@ import imageio_ffmpeg
 from PIL import Image
 
 from bilateral_rl.errors import UserError
-from bilateral_rl.run_folder import replacing
+from bilateral_rl.files import replacing
 from bilateral_rl.video.film import Film, Picture
 
 SUFFIXES = (".mp4", ".gif")
@@ -34,7 +34,8 @@ def check_path(path: Path) -> None:
     if path.suffix.lower() not in SUFFIXES:
         raise UserError(f"A video's name ends in {' or '.join(SUFFIXES)}, got {path}: choose another --out.")
     try:
-        if path.exists() and not (path.is_file() and _is_ours(path)):
+        is_there = path.exists() or path.is_symlink()  # one that leads nowhere would be written through
+        if is_there and not (path.is_file() and _is_ours(path)):
             raise UserError(f"{path} exists and was not written by `{MARK}`: choose another --out, or remove it.")
     except OSError as error:
         raise UserError(f"Cannot write {path}: {error.strerror}; choose another --out.") from None

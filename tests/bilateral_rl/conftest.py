@@ -4,6 +4,7 @@ import sys
 import pytest
 import torch
 from rich.console import Console
+from rl_runs import small_rl
 
 from bilateral_rl import cli
 from bilateral_rl.bptt.layout import Layout
@@ -48,6 +49,19 @@ def run(_trained, tmp_path) -> RunFolder:
     path = tmp_path / "runs" / "random_reach" / "cc_s-ppo-1"
     shutil.copytree(_trained.path, path)
     return RunFolder(path)
+
+
+@pytest.fixture(scope="session")
+def whole_run(tmp_path_factory):
+    """By algorithm, the run of ``rl_runs.small_rl`` in one go."""
+    made: dict[str, RunFolder] = {}
+
+    def get(algo: str) -> RunFolder:
+        if algo not in made:
+            made[algo] = train(small_rl(algo), tmp_path_factory.mktemp(algo)).folder
+        return made[algo]
+
+    return get
 
 
 def _small_bptt(model="cc_s", task="random_reach", **values) -> BPTTConfig:

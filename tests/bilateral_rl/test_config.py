@@ -1,3 +1,5 @@
+import dataclasses
+import importlib.resources
 import json
 
 import pytest
@@ -6,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config import BPTTConfig, PPORunConfig
+from bilateral_rl.config import BPTTConfig, PPORunConfig, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.errors import UserError
 from bilateral_rl.resolve import from_values, resolve, tuned_defaults
@@ -39,8 +41,19 @@ def test_tuned_defaults_name_only_settings_that_exist():
             from_values({"algo": algo} | tuned_defaults(algo, task))
 
 
-def test_a_configuration_survives_yaml_and_json(tmp_path):
-    config = resolve(None, "hold_position", [{"trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}])
+def test_tuned_defaults_are_for_algorithms_and_tasks_that_exist():
+    table = yaml.safe_load(importlib.resources.files("bilateral_rl").joinpath("defaults.yaml").read_text())
+    assert set(table) <= set(ALGORITHMS)
+    for algo, by_task in table.items():
+        assert set(by_task) <= {"any_task", *TASKS}
+        for values in by_task.values():
+            assert not {"algo", "model", "task", "seed"} & set(values)
+            assert set(values) - {f.name for f in dataclasses.fields(RLConfig)} <= {algo}
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_configuration_survives_yaml_and_json(tmp_path, algo):
+    config = resolve(algo, "hold_position", [{"trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}])
     for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
         (tmp_path / name).write_text(text)
         assert resolve(None, None, [load_file(tmp_path / name)]) == config
@@ -87,6 +100,70 @@ def test_exponents_without_a_point_are_numbers():
 def test_what_cannot_work_is_refused_by_name(values, names):
     with pytest.raises(UserError, match=names):
         resolve(None, None, [values])
+
+
+ON_POLICY = ("ppo", "a2c")
+OFF_POLICY = ("sac", "td3")
+BAD_HYPERPARAMETERS = [
+    (("ppo", "a2c", "sac", "td3"), "learning_rate", (0, -1, "fast", float("inf"))),
+    (("ppo", "a2c", "sac", "td3"), "final_learning_rate", (-0.1,)),
+    (("ppo", "a2c", "sac", "td3"), "gamma", (-0.1, 1.01)),
+    (("ppo", "a2c", "sac", "td3"), "weight_penalty", (-0.001,)),
+    (("ppo", "a2c", "sac", "td3"), "reward_scale", (0, -1)),
+    (ON_POLICY, "n_steps", (0, 2.5)),
+    (ON_POLICY, "gae_lambda", (-0.1, 1.1)),
+    (ON_POLICY, "ent_coef", (-0.1,)),
+    (ON_POLICY, "final_ent_coef", (-0.1,)),
+    (ON_POLICY, "vf_coef", (-0.1,)),
+    (ON_POLICY, "max_grad_norm", (0,)),
+    (("ppo",), "batch_size", (0, 1)),
+    (("ppo",), "n_epochs", (0,)),
+    (("ppo",), "clip_range", (0,)),
+    (("a2c",), "normalize_advantage", (3, "yes")),
+    (("a2c",), "use_rms_prop", (3,)),
+    (OFF_POLICY, "buffer_size", (0, 10**12)),
+    (OFF_POLICY, "learning_starts", (-1,)),
+    (OFF_POLICY, "batch_size", (0, 1, 10**12)),
+    (OFF_POLICY, "tau", (0, 1.1)),
+    (OFF_POLICY, "train_freq", (0, 0.5)),
+    (OFF_POLICY, "gradient_steps", (0, -1)),
+    (OFF_POLICY, "n_critics", (0, 11)),
+    (OFF_POLICY, "critic_warm_up", (-1,)),
+    (("sac",), "ent_coef", (-0.1, "auto")),
+    (("sac",), "initial_ent_coef", (0,)),
+    (("sac",), "target_entropy", ("auto", float("nan"))),
+    (("td3",), "action_noise", (-0.1,)),
+    (("td3",), "policy_delay", (0,)),
+    (("td3",), "target_policy_noise", (0,)),
+    (("td3",), "target_noise_clip", (0,)),
+]
+
+
+@pytest.mark.parametrize(
+    ("algo", "name", "value"),
+    [(algo, name, value) for algos, name, values in BAD_HYPERPARAMETERS for algo in algos for value in values],
+)
+def test_a_hyperparameter_that_cannot_work_is_refused_by_name(algo, name, value):
+    with pytest.raises(UserError, match=rf"{algo}\.{name}"):
+        resolve(algo, None, [{algo: {name: value}}])
+
+
+def test_every_hyperparameter_has_values_that_are_refused():
+    covered = {(algo, name) for algos, name, _ in BAD_HYPERPARAMETERS for algo in algos}
+    configs = {algo: resolve(algo, None) for algo in (*ON_POLICY, *OFF_POLICY)}
+    fields = {(algo, f.name) for algo, c in configs.items() for f in dataclasses.fields(c.hyperparameters)}
+    assert covered == fields
+
+
+@pytest.mark.parametrize("algo", [*ON_POLICY, *OFF_POLICY])
+@pytest.mark.parametrize("other", [*ON_POLICY, *OFF_POLICY])
+def test_the_settings_of_another_algorithm_are_refused(algo, other):
+    values = parse_overrides([f"{other}.gamma=0.9"])
+    if other == algo:
+        assert resolve(algo, None, [values]).hyperparameters.gamma == 0.9
+        return
+    with pytest.raises(UserError, match=f"{other} is a setting of another algorithm than {algo}"):
+        resolve(algo, None, [values])
 
 
 @pytest.mark.parametrize("item", ["gamma", "=3", ""])
@@ -174,11 +251,12 @@ def test_what_supervised_training_cannot_do_is_refused_by_name(values, names):
         resolve("bptt", None, [values])
 
 
+@pytest.mark.parametrize("algo", [*ON_POLICY, *OFF_POLICY])
 @pytest.mark.parametrize("name", ["seeds", "epochs", "profile", "bptt"])
-def test_reinforcement_refuses_the_settings_of_supervised_training(name):
+def test_reinforcement_refuses_the_settings_of_supervised_training(algo, name):
     value = BPTTConfig().to_values()[name]
     with pytest.raises(UserError, match=name):
-        resolve("ppo", None, [{name: value}])
+        resolve(algo, None, [{name: value}])
 
 
 def test_a_supervised_configuration_survives_yaml_and_json(tmp_path):

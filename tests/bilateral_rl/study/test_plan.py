@@ -102,7 +102,7 @@ def test_trainings_with_two_losses_count_as_longer():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"algo": "sac"}, "Unknown algorithm 'sac'"),
+        ({"algo": "dqn"}, "Unknown algorithm 'dqn'"),
         ({"profile": "mine"}, "Unknown profile 'mine'"),
         ({"seeds": 0}, "--seeds must be at least 1"),
         ({"overrides": {"model": "cc_s"}}, "--set cannot change model"),

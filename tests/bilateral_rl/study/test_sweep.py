@@ -119,7 +119,7 @@ def test_points_that_are_one_are_refused(grid):
         ("bptt", {"nothing": ["1"]}, {}, "Unknown setting 'nothing'"),
         ("bptt", {"epochs": ["1", "many"]}, {}, "epochs must be a whole number"),
         ("bptt", {"timesteps": ["1"]}, {}, "timesteps is a setting of another algorithm"),
-        ("sac", {"seed": ["1"]}, {}, "Unknown algorithm 'sac'"),
+        ("dqn", {"seed": ["1"]}, {}, "Unknown algorithm 'dqn'"),
         ("ppo", {"task": ["swim"]}, {}, "Unknown task 'swim'"),
     ],
 )

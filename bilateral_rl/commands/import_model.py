@@ -1,0 +1,33 @@
+"""`bilateral-rl import`."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from bilateral_rl import settings
+from bilateral_rl.errors import UserError
+from bilateral_rl.sb3_import import import_model
+
+
+def import_zip(
+    path: Path, task: str, trust_pickle: bool, overrides: Sequence[str], out: Path, console: Console
+) -> None:
+    """Make a run of a model that stable-baselines3 saved."""
+    if not path.is_file():
+        raise UserError(f"There is no file {path}; `import` takes a model saved by stable-baselines3.")
+    if not trust_pickle:
+        raise UserError(
+            f"{path} holds pickles, and to load them is to execute whatever their author wants: add --trust-pickle if "
+            "you trust where it comes from."
+        )
+    folder = import_model(path, task, settings.parse_overrides(overrides), out)
+    config, shown = folder.config(), escape(shlex.quote(str(folder.path)))
+    console.print(
+        f"Imported as {config.model}, trained by {config.algo}, into [bold]{shown}[/bold]. Next:", soft_wrap=True
+    )
+    console.print(f"  bilateral-rl evaluate {shown}", soft_wrap=True, highlight=False)

@@ -1,0 +1,208 @@
+"""What holds for every hemispheric algorithm: owners, weight penalty, seeds, settings, and what is refused."""
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+from hemispheric_models import (
+    ALGORITHMS,
+    OFF_POLICY,
+    SIDES,
+    STOCK,
+    WHOLE_ROLLOUT,
+    RandomEnds,
+    arm,
+    changed,
+    collect,
+    gradients_of_update,
+    make_model,
+    named_parameters,
+    names_by_group,
+    optimizers,
+    weights,
+)
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from bilateral_rl.algorithms import HemisphericA2C
+from bilateral_rl.catalogue import MODELS
+from bilateral_rl.policies import POLICY_ALIASES, SAC_ALIASES
+
+pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
+all_models = pytest.mark.parametrize(
+    ("policy", "loss"), [(f"{spec.architecture.capitalize()}Policy", spec.loss) for spec in MODELS.values()], ids=MODELS
+)
+
+SINGLE = {algorithm: {"batch_size": 20} for algorithm in ALGORITHMS if algorithm is not HemisphericA2C}
+"""Settings for a single environment."""
+
+
+@all_models
+def test_every_model_trains_every_parameter_each_in_one_group_with_a_share(algorithm, policy, loss):
+    model = make_model(algorithm, policy, loss=loss)
+    trained = [p for optimizer in optimizers(model) for group in optimizer.param_groups for p in group["params"]]
+    grouped = [p for group in model.parameter_groups().values() for p in group]
+    assert sorted(map(id, grouped)) == sorted(map(id, trained))
+    assert {id(p) for p in grouped} == {id(p) for p in named_parameters(model).values()}
+    gradients = gradients_of_update(collect(model))
+    assert gradients.keys() == named_parameters(model).keys()
+    assert not [name for name, gradient in gradients.items() if gradient is None or not gradient.any()]
+
+
+@all_models
+def test_the_weight_penalty_touches_exactly_the_groups_it_names(algorithm, policy, loss):
+    coefficient = 0.3
+    factor = {
+        "combined": {"dominant": 1.0, "non_dominant": 1.0, "shared": 1.0},
+        "dominant": {"dominant": 0.0, "non_dominant": 0.0, "shared": 0.0},
+        "non_dominant": {"dominant": 2.0, "non_dominant": 2.0, "shared": 2.0},
+        "specialized": {"dominant": 0.0, "non_dominant": 2.0, "shared": 1.0},
+    }[loss]
+    # A standard deviation other than 1, whose logarithm would feel a penalty.
+    settings = WHOLE_ROLLOUT[algorithm] | {"policy_kwargs": {"log_std_init": -1.0}}
+    gradients = []
+    for weight_penalty in (0.0, coefficient):
+        model = collect(make_model(algorithm, policy, loss=loss, weight_penalty=weight_penalty, **settings))
+        model.set_random_seed(1)  # the samples or their order, and so the rounding
+        gradients.append(gradients_of_update(model))
+    without, with_penalty = gradients
+    values, network = named_parameters(model), {id(p) for p in model.policy.motor_network.parameters()}
+    for group, names in names_by_group(model).items():
+        for name in names:
+            weight = factor[group] if id(values[name]) in network else 0.0
+            expected = without[name] + weight * coefficient * values[name].detach()
+            if weight:
+                torch.testing.assert_close(with_penalty[name], expected, rtol=1e-5, atol=1e-7)
+            else:
+                assert torch.equal(with_penalty[name], without[name]), name
+
+
+def test_the_same_seed_gives_the_same_weights_bit_for_bit(algorithm):
+    first, again, other = (weights(make_model(algorithm, seed=seed).learn(160)) for seed in (3, 3, 4))
+    assert all(torch.equal(value, again[name]) for name, value in first.items())
+    assert any(not torch.equal(value, other[name]) for name, value in first.items())
+
+
+def test_combination_weights_stay_non_negative(algorithm):
+    model = make_model(algorithm, learning_rate=0.1)
+    network = model.policy.motor_network
+    with torch.no_grad():
+        for side in SIDES:
+            getattr(network, f"combination_{side}").fill_(0.05)
+    smallest = []
+    optimizers(model)[0].register_step_post_hook(
+        lambda *_: smallest.append(min(network.combination_weights().values()))
+    )
+    model.learn(320)
+    assert min(smallest) == 0.0, "the learning rate was meant to drive a weight to its bound"
+
+
+class StopAfter(BaseCallback):
+    """Stops learning after some steps."""
+
+    def __init__(self, steps):
+        super().__init__()
+        self.steps = steps
+
+    def _on_step(self):
+        return self.n_calls < self.steps
+
+
+def test_a_callback_can_stop_in_the_middle_of_a_rollout(algorithm):
+    model = make_model(algorithm)
+    before = weights(model)
+    model.learn(800, callback=StopAfter(5))
+    assert model.num_timesteps == 5 * 4
+    assert not changed(model, before)
+
+
+def test_an_environments_id_is_enough(algorithm):
+    model = make_model(algorithm, "BilateralPolicy", "bilateral_rl/HoldPosition-v0", **SINGLE.get(algorithm, {}))
+    before = weights(model)
+    model.learn(60)
+    assert len(changed(model, before)) == len(before)
+
+
+def test_any_bounded_box_of_actions_and_single_environments_do(algorithm):
+    """The environment refuses actions outside of its space."""
+    for n_envs in (1, 3):
+        model = make_model(algorithm, env=DummyVecEnv([RandomEnds] * n_envs), **SINGLE.get(algorithm, {}))
+        before = weights(model)
+        model.learn(60)
+        assert len(changed(model, before)) == len(before)
+
+
+class Grid(gymnasium.Env):
+    """Observations and actions in Boxes of two dimensions."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (3, 4))
+    action_space = spaces.Box(-2.0, 1.0, (2, 3))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return np.zeros((3, 4), dtype=np.float32), {}
+
+    def step(self, action):
+        assert self.action_space.contains(action)
+        observation = self.np_random.uniform(-1, 1, (3, 4)).astype(np.float32)
+        return observation, 0.0, False, bool(self.np_random.random() < 0.2), {"vector_reward": action[:, 0]}
+
+
+def test_observations_are_flattened_and_actions_keep_their_shape(algorithm):
+    model = make_model(algorithm, env=DummyVecEnv([Grid] * 2))
+    before = weights(model)
+    model.learn(120)
+    assert len(changed(model, before)) == len(before)
+    assert model.predict(np.zeros((5, 3, 4), dtype=np.float32))[0].shape == (5, 2, 3)
+
+
+def test_the_policys_other_settings_are_kept(algorithm):
+    policy_kwargs = {"units": 20, "layers": 3, "critic_arch": (8,), "log_std_init": -1.0}
+    policy = make_model(algorithm, policy_kwargs=policy_kwargs).policy
+    assert (policy.motor_network.units, policy.motor_network.layers, policy.n_streams) == (20, 3, 2)
+    for name, value in policy.named_parameters():
+        if "log_std" in name:
+            torch.testing.assert_close(value.detach(), torch.full((6,), -1.0))
+
+
+def test_a_policy_that_is_not_ours_is_refused(algorithm):
+    wanted = algorithm.POLICY_CLASS.__name__
+    stock = STOCK[algorithm].policy_aliases["MlpPolicy"]
+    of_another = (POLICY_ALIASES if algorithm in OFF_POLICY else SAC_ALIASES)["CallosalPolicy"]
+    for policy in (stock, of_another):
+        message = f"{algorithm.__name__} needs a {wanted}, not {policy.__name__}"
+        with pytest.raises(ValueError, match=message):
+            algorithm(policy, arm(1), device="cpu")
+    with pytest.raises(ValueError, match="MlpPolicy"):
+        algorithm("MlpPolicy", arm(1), device="cpu")
+
+
+def test_an_unknown_loss_is_refused_naming_the_valid_ones(algorithm):
+    with pytest.raises(ValueError, match=r"'both'.*combined, dominant, non_dominant, specialized"):
+        algorithm("CallosalPolicy", arm(1), loss="both", device="cpu")
+
+
+@pytest.mark.parametrize(("loss", "wanted", "given"), [("specialized", 2, 1), ("combined", 1, 2)])
+def test_critics_that_do_not_fit_the_loss_are_refused(algorithm, loss, wanted, given):
+    with pytest.raises(ValueError, match=f"'{loss}' needs {wanted} critics, but the policy has {given}"):
+        make_model(algorithm, loss=loss, policy_kwargs={"n_streams": given})
+
+
+class Dictionary(RandomEnds):
+    """Observations in a dictionary."""
+
+    observation_space = spaces.Dict({"hand": spaces.Box(-1.0, 1.0, (5,))})
+
+    def _observation(self):
+        return {"hand": super()._observation()}
+
+
+def test_observations_other_than_a_box_are_refused(algorithm):
+    with pytest.raises(ValueError, match=f"{algorithm.__name__} needs observations in a Box, not Dict"):
+        make_model(algorithm, env=DummyVecEnv([Dictionary]), **SINGLE.get(algorithm, {}))
+
+
+def test_an_environment_without_reward_pairs_is_refused_by_name(algorithm):
+    with pytest.raises(ValueError, match=f"{algorithm.__name__} needs a pair of rewards.*vector_reward"):
+        make_model(algorithm, env=gymnasium.make("Pendulum-v1"), **SINGLE.get(algorithm, {})).learn(60)
