@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import csv
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from pathlib import Path
 
 WARM_UP_MINUTES = 5.0
 """Growth counts from here on."""
+TENTHS = "medians of the first and of the last tenth of the time after the warm-up"
 
 
 def sample(pid: int, out: Path) -> dict[str, float]:
@@ -49,7 +51,11 @@ def soak(arguments: list[str], minutes: float, every: float, table: Path) -> lis
             csv.writer(file).writerow([f"{value:.3f}" for value in row.values()])
             file.flush()
         process.send_signal(signal.SIGINT)
-        process.wait(120)
+        try:
+            process.wait(300)
+        except subprocess.TimeoutExpired:
+            print("the training did not stop within five minutes of Ctrl-C")
+            process.kill()
     return rows
 
 
@@ -58,12 +64,13 @@ def report(rows: list[dict[str, float]]) -> None:
     print("  ".join(f"{name:>14}" for name in rows[0]))
     for row in rows[:: max(len(rows) // 12, 1)]:
         print("  ".join(f"{value:14.1f}" for value in row.values()))
-    warm = [row for row in rows if row["minutes"] >= WARM_UP_MINUTES]
-    if warm:
-        first, last = warm[0], warm[-1]
-        growth = 100 * (last["resident_mb"] / first["resident_mb"] - 1)
-        print(f"memory: {growth:+.2f} % from minute {first['minutes']:.0f} to {last['minutes']:.0f}")
-        print(f"open files: {first['open_files']:.0f}, then {last['open_files']:.0f}")
+    after = [row for row in rows if row["minutes"] >= WARM_UP_MINUTES]
+    if not after:
+        return
+    tenth = max(len(after) // 10, 1)
+    for name in ("resident_mb", "open_files", "threads"):
+        first, last = (statistics.median(row[name] for row in part) for part in (after[:tenth], after[-tenth:]))
+        print(f"{name}: {first:.1f}, then {last:.1f} ({100 * (last / first - 1):+.2f} %), {TENTHS}")
 
 
 def main() -> None:
