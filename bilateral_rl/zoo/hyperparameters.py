@@ -84,7 +84,7 @@ def _in_words(value: Any) -> Any:
 
 def _stock(values: dict[str, Any]) -> dict[str, Any]:
     """Without what only hemispheric algorithms take, and the entropy bonus, which does nothing in stock PPO and A2C."""
-    left_out = {"loss", "weight_penalty", "reward_scale"}
+    left_out = {"loss", "weight_penalty", "reward_scale", "critic_warm_up"}
     if "gae_lambda" in values:
         left_out.add("ent_coef")
     return {key: value for key, value in values.items() if key not in left_out}

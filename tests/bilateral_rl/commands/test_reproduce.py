@@ -145,7 +145,7 @@ def test_errors_are_printed_as_they_are(invoke, outcomes):
     [
         (["--seeds", 0], "--seeds must be at least 1"),
         (["--jobs", 0], "--jobs must be at least 1"),
-        (["--algo", "sac"], "Unknown algorithm"),
+        (["--algo", "dqn"], "Unknown algorithm"),
         (["--profile", "mine"], "Unknown profile"),
         (["--set", "model=cc_s"], "--set cannot change model"),
         (["--set", "epochs=none"], "epochs must be a whole number"),
