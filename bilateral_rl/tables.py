@@ -12,7 +12,7 @@ import pandas as pd
 from bilateral_rl import files
 from bilateral_rl.errors import UserError
 
-LARGEST_TABLE, LONGEST_HEADER = 2**26, 2**12
+LARGEST_TABLE, LONGEST_HEADER = 2**25, 2**12
 """Bytes of a table and of its first line: far beyond use."""
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
 """Of any measure but 0, whatever its sign: statistics take powers of it."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from bilateral_rl.catalogue import ALGORITHMS, MODELS
+from bilateral_rl.config_checks import MAX_SEEDS
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS
@@ -32,6 +33,8 @@ def read_results(path: Path) -> pd.DataFrame:
         unknown = set(table[name]) - {*known}
         if unknown:
             raise UserError(f"{path} is no table of results: there is no {name} {min(unknown)!r}.")
+    if table["seed"].nunique() > MAX_SEEDS:
+        raise UserError(f"{path} is no table of results: it holds more than {MAX_SEEDS:,} seeds.")
     if table.duplicated(list(COLUMNS[:-1])).any():
         raise UserError(f"{path} is no table of results: it holds one value more than once.")
     return table

@@ -79,7 +79,8 @@ def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunF
     if run and _is_saved(run):
         return _finished(training.resume(run, config, watch))
     if run:
-        shutil.rmtree(run.path)
+        with run.locked():  # not while another process has just begun to train there
+            shutil.rmtree(run.path)
     return _finished(training.train(config, runs, watch))
 
 

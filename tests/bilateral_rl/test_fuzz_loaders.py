@@ -23,7 +23,7 @@ def test_every_loader_is_fuzzed(loaders):
 
 @pytest.mark.parametrize("name", LOADERS)
 def test_a_few_hundred_inputs(loaders, name):
-    n = 40 if name in SLOW else 200
+    n = 25 if name in SLOW else 100
     outcomes = fuzz(loaders[name], n, number=0)
     assert outcomes[REFUSED] > n / 10
     assert outcomes.keys() <= {READ, REFUSED}

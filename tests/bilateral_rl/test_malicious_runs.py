@@ -448,6 +448,7 @@ TABLES = {
     "an unknown model": table("$\\input{/etc/passwd}$,random_reach,ppo,0,intact,False,effort,1"),
     "a number too large": table("cc_s,random_reach,ppo,0,intact,False,effort,1e300"),
     "a seed too large": table("cc_s,random_reach,ppo,1e300,intact,False,effort,1"),
+    "many seeds": table(*(f"cc_s,random_reach,ppo,{i},intact,False,effort,1" for i in range(100_000))),
     "a value twice": table(*2 * ["cc_s,random_reach,ppo,0,intact,False,effort,1"]),
 }
 
@@ -577,6 +578,17 @@ def test_learning_curves_that_are_a_trap(request, not_read, canary, outside, of,
     run = request.getfixturevalue(of)
     put(run.path / ("evaluations.csv" if of == "run" else "epochs.csv"), content_of(trap, canary, outside))
     not_read(lambda: learning_history({"cc_s": [run]}), says=".csv")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    ["9,1,1.5,1.5,1.5", "\n".join(f"0,{i},1.5,1.5,1.5" for i in range(200_000))],
+    ids=["another seed", "too long"],
+)
+def test_learning_curves_without_end_are_not_drawn(bptt_run, not_read, rows):
+    head = "seed,epoch,validation_loss,goal_completion_percent,time_in_goal_steps\n"
+    put(bptt_run.path / "epochs.csv", (head + rows).encode())
+    not_read(lambda: learning_history({"cc_s": [bptt_run]}), says="epochs.csv is damaged")
 
 
 # The working folder

@@ -206,7 +206,7 @@ def test_a_runs_policy_acts_as_the_one_that_was_trained(tmp_path, algo, model):
 @pytest.mark.parametrize("other", [*ALGORITHM_CLASSES, "bptt"])
 def test_a_network_goes_on_in_any_other_algorithm(tmp_path, algo, other):
     config = small(algo)
-    algorithm = build_algorithm(config).learn(48)
+    algorithm = build_algorithm(config)
     folder = saved(algorithm, config, tmp_path)
     target = {"init_from": str(folder.path)}
     config = resolve(other, None, [target]) if other == "bptt" else small(other, **target)
