@@ -23,7 +23,7 @@ def test_every_loader_is_fuzzed(loaders):
 
 @pytest.mark.parametrize("name", LOADERS)
 def test_a_few_hundred_inputs(loaders, name):
-    n = 25 if name in SLOW else 100
+    n = 20 if name in SLOW else 80
     outcomes = fuzz(loaders[name], n, number=0)
     assert outcomes[REFUSED] > n / 10
     assert outcomes.keys() <= {READ, REFUSED}
