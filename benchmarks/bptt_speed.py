@@ -15,9 +15,9 @@ from torch import Tensor
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.bptt.trainer import Trainer, history_columns
-from bilateral_rl.config import BPTTConfig
-from bilateral_rl.controllers import build_network
-from bilateral_rl.resolve import resolve
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import BPTTConfig
+from bilateral_rl.runs.policies import build_network
 
 TRIALS, STEPS = 64, 50
 CASES = [("cc_s", 10), ("cc_ns", 10), ("cc_s", 1), ("cc_ns", 1), ("uni_dl", 10)]

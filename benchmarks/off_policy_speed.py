@@ -14,10 +14,10 @@ import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from bilateral_rl.config import SACRunConfig
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import SACRunConfig
 from bilateral_rl.envs import ArmVecEnv
-from bilateral_rl.resolve import resolve
-from bilateral_rl.rl_algorithms import build_algorithm
+from bilateral_rl.training.build import build_algorithm
 
 
 def ours(config: SACRunConfig) -> OffPolicyAlgorithm:

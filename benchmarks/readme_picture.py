@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from bilateral_rl.controllers import load_policy
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.envs import ArmEnv
-from bilateral_rl.evaluation import Evaluator
 from bilateral_rl.figures import as_array, hand_paths
 from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import load_policy
 
 HEIGHT = 480
 

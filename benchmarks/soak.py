@@ -39,7 +39,7 @@ def soak(arguments: list[str], minutes: float, every: float, table: Path) -> lis
     """Train for so many minutes; write and give back the samples."""
     rows: list[dict[str, float]] = []
     with tempfile.TemporaryDirectory() as out, table.open("w", newline="") as file:
-        command = [sys.executable, "-m", "bilateral_rl.cli", "train", *arguments, "--out", out]
+        command = [sys.executable, "-m", "bilateral_rl.commands.app", "train", *arguments, "--out", out]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         began = time.monotonic()
         while process.poll() is None and time.monotonic() - began < 60 * minutes:

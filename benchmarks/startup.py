@@ -11,9 +11,9 @@ import time
 FIRST_STEP = """
 import sys, time
 from pathlib import Path
-from bilateral_rl.resolve import resolve
-from bilateral_rl.progress import Progress
-from bilateral_rl.training import train
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.session import Progress
+from bilateral_rl.training.run import train
 
 class FirstStep(Progress):
     def on_step(self, timesteps):

@@ -13,8 +13,8 @@ from motornet_env import MotorNetReach
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
-from bilateral_rl.resolve import resolve
-from bilateral_rl.training import train
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.run import train
 
 
 def ours(timesteps: int) -> float:

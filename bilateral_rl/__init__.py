@@ -5,6 +5,7 @@ that ``PPO("CallosalPolicy", "bilateral_rl/RandomReach-v0")`` works.
 """
 
 from bilateral_rl import envs, policies
-from bilateral_rl.version import __version__
+
+__version__ = "0.2.0"
 
 __all__ = ["__version__", "envs", "policies"]

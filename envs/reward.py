@@ -1,7 +1,6 @@
 """The terms of one step's loss, once, for the environments' reward and for the supervised losses (paper section 4)."""
 
 import functools
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,26 +8,7 @@ import warp as wp
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import arm_physics
-
-
-@dataclass(frozen=True)
-class LossWeights:
-    """Weights of a step's terms in one loss; without the weight penalty, which is a loss on parameters."""
-
-    cartesian_1: float
-    """Of the mean absolute error of the hand (m)."""
-    cartesian_2: float
-    """Of ten times the mean squared error of the hand (m²)."""
-    activation: float
-    """Of the mean squared muscle excitation."""
-
-    def as_tuple(self) -> tuple[float, float, float]:
-        """In the order of the terms of a step."""
-        return self.cartesian_1, self.cartesian_2, self.activation
-
-
-DOMINANT_WEIGHTS = LossWeights(cartesian_1=0.0, cartesian_2=5.0, activation=2.0)
-NON_DOMINANT_WEIGHTS = LossWeights(cartesian_1=5.0, cartesian_2=0.0, activation=0.0)
+from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES
 
 
 @functools.cache
@@ -61,4 +41,4 @@ weight_rows = wp.types.matrix((2, 3), wp.float32)
 
 def stream_weights() -> Any:
     """(2, 3) matrix for kernels: the weights of the terms in the dominant and in the non-dominant loss."""
-    return weight_rows(*DOMINANT_WEIGHTS.as_tuple(), *NON_DOMINANT_WEIGHTS.as_tuple())
+    return weight_rows(*(weight for side in SIDES for weight in LOSS_WEIGHTS[side].terms))

@@ -16,7 +16,6 @@ from bilateral_rl.policies.lesions import LESIONS, Lesion
 from bilateral_rl.policies.motor_policy import MotorPolicy
 from bilateral_rl.policies.networks import (
     ARCHITECTURES,
-    GROUPS,
     BilateralNetwork,
     CallosalNetwork,
     MotorNetwork,
@@ -24,6 +23,7 @@ from bilateral_rl.policies.networks import (
     make_network,
 )
 from bilateral_rl.policies.off_policy import SAC_ALIASES, TD3_ALIASES, BilateralSACPolicy, BilateralTD3Policy
+from bilateral_rl.vocabulary import GROUPS
 
 POLICY_ALIASES: dict[str, type[BilateralActorCriticPolicy]] = {
     policy.__name__: policy for policy in (UnilateralPolicy, BilateralPolicy, CallosalPolicy)

@@ -13,7 +13,8 @@ from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
 from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
-from bilateral_rl.policies.networks import Architecture, MotorNetwork, make_network
+from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.vocabulary import Architecture
 
 
 class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-Side = Literal["dominant", "non_dominant"]
-SIDES: tuple[Side, Side] = ("dominant", "non_dominant")
+from bilateral_rl.vocabulary import SIDES, Side
 
 
 @dataclass(frozen=True)

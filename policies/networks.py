@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import Literal
 
 import torch
 from torch import Tensor, nn
 
-from bilateral_rl.policies.lesions import INTACT, LESIONS, SIDES, Lesion, Side, find_lesion
-
-Architecture = Literal["unilateral", "bilateral", "callosal"]
-GROUPS = ("dominant", "non_dominant", "shared")
-"""Every parameter of a network belongs to exactly one of these."""
+from bilateral_rl.policies.lesions import INTACT, LESIONS, Lesion, find_lesion
+from bilateral_rl.vocabulary import GROUPS, SIDES, Architecture, Side
 
 
 class MotorNetwork(nn.Module):

@@ -16,7 +16,8 @@ from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
 from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
-from bilateral_rl.policies.networks import Architecture, MotorNetwork, make_network
+from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.vocabulary import Architecture
 
 LOG_STD_BOUNDS = (-20.0, 2.0)
 """As in SB3's SAC."""

@@ -3,6 +3,8 @@ import signal
 import pytest
 import torch
 
+pytest_plugins = ["supervised_fixtures", "video_fixtures"]
+
 
 @pytest.fixture(autouse=True, scope="session")
 def one_torch_thread():

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bilateral_rl.resolve import resolve
-from bilateral_rl.training import train
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.run import train
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ from bilateral_rl.algorithms.hemispheric_a2c import HemisphericA2C
 from bilateral_rl.algorithms.hemispheric_ppo import HemisphericPPO
 from bilateral_rl.algorithms.hemispheric_sac import HemisphericSAC
 from bilateral_rl.algorithms.hemispheric_td3 import HemisphericTD3
-from bilateral_rl.algorithms.routing import LOSSES, Loss
+from bilateral_rl.vocabulary import LOSSES, Loss
 
 ALGORITHM_CLASSES: dict[str, type[Hemispheric]] = {
     "ppo": HemisphericPPO,

@@ -14,18 +14,9 @@ from stable_baselines3.common.type_aliases import GymEnv
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor, nn
 
-from bilateral_rl.algorithms.routing import (
-    Loss,
-    add_weight_penalty,
-    assign_routed_gradients,
-    penalty_weights,
-    shares,
-    stream_mix,
-    stream_names,
-)
+from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.policies import MotorPolicy
-
-STREAMS = ("dominant", "non_dominant")
+from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
 
 
 class Hemispheric(BaseAlgorithm):
@@ -77,8 +68,8 @@ class Hemispheric(BaseAlgorithm):
             name = type(self).__name__
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
         super()._setup_model()  # type: ignore[safe-super]
-        self._mix = stream_mix(self.loss)
-        self._shares = shares(self.loss)
+        self._mix = np.array(stream_mix(self.loss), dtype=np.float32)
+        self._shares = policy_shares(self.loss)
         # Walking through a policy costs a millisecond, so it is done once.
         self._groups = self.parameter_groups()
         self._network_groups = self.policy.motor_network.parameter_groups()
@@ -115,7 +106,7 @@ class Hemispheric(BaseAlgorithm):
     def _route(self, losses: Sequence[Tensor], groups: Mapping[str, Sequence[nn.Parameter]]) -> None:
         """Set the gradient of every parameter of ``groups`` from the streams' losses, and the weight penalty's."""
         assign_routed_gradients(losses, groups, self._shares)
-        add_weight_penalty(self._network_groups, penalty_weights(self.loss), self.weight_penalty)
+        add_weight_penalty(self._network_groups, group_penalties(self.loss), self.weight_penalty)
 
     # --- logs -------------------------------------------------------------------------------------------------------
 
@@ -126,10 +117,10 @@ class Hemispheric(BaseAlgorithm):
     def _log_stream_returns(self) -> None:
         """Log the mean return of each stream over the last trials."""
         assert self.ep_info_buffer is not None
-        for stream in STREAMS:
-            returns = [info[stream] for info in self.ep_info_buffer if stream in info]
+        for side in SIDES:
+            returns = [info[side] for info in self.ep_info_buffer if side in info]
             if returns:
-                self.logger.record(f"return/{stream}", float(np.mean(returns)))
+                self.logger.record(f"return/{side}", float(np.mean(returns)))
 
     def _log_averages(self, log: Mapping[str, Sequence[Tensor]]) -> None:
         """Log averages over the updates: numbers by their name, (n_streams,) tensors as one number a stream."""

@@ -16,9 +16,9 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.hemispheric import Hemispheric
-from bilateral_rl.algorithms.routing import stream_mix
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
+from bilateral_rl.vocabulary import stream_mix
 
 Log = defaultdict[str, list[Tensor]]
 

@@ -18,9 +18,10 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
 from bilateral_rl.algorithms.hemispheric import Hemispheric
-from bilateral_rl.algorithms.routing import clip_group_gradients, stream_mix, stream_names
+from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRollout
 from bilateral_rl.policies import POLICY_ALIASES, BilateralActorCriticPolicy
+from bilateral_rl.vocabulary import stream_mix, stream_names
 
 Log = defaultdict[str, list[Tensor]]
 

@@ -7,69 +7,25 @@ only then selected: dominant ← dominant loss, non-dominant ← non-dominant lo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
-Loss = Literal["combined", "dominant", "non_dominant", "specialized"]
-LOSSES: tuple[Loss, ...] = ("combined", "dominant", "non_dominant", "specialized")
-"""What trains a model; "specialized" is the routed one."""
+from bilateral_rl.vocabulary import Loss, group_shares, stream_mix
 
 Groups = Mapping[str, Sequence[nn.Parameter]]
 Shares = Mapping[str, Sequence[float]]
 """Per parameter group, how much of each stream's gradient it gets."""
 
-_MIX: dict[Loss, list[list[float]]] = {
-    "combined": [[0.5, 0.5]],
-    "dominant": [[1.0, 0.0]],
-    "non_dominant": [[0.0, 1.0]],
-    "specialized": [[1.0, 0.0], [0.0, 1.0]],
-}
 
-DOMINANT_PENALTY, NON_DOMINANT_PENALTY = 0.0, 2.0
-"""Weight of the weight penalty in each loss (paper section 4)."""
+def policy_shares(loss: Loss) -> dict[str, tuple[float, ...]]:
+    """Return how much of each stream's gradient every group of a policy gets: the network's groups, then the critics.
 
-
-def stream_mix(loss: Loss) -> NDArray[np.float32]:
-    """(n_streams, 2): each stream's weights of the dominant and the non-dominant reward."""
-    if loss not in _MIX:
-        raise ValueError(f"unknown loss {loss!r}; choose from {', '.join(LOSSES)}.")
-    return np.array(_MIX[loss], dtype=np.float32)
-
-
-def stream_penalties(loss: Loss) -> list[float]:
-    """Weight of the weight penalty in each stream's loss."""
-    return [float(d * DOMINANT_PENALTY + n * NON_DOMINANT_PENALTY) for d, n in stream_mix(loss)]
-
-
-def stream_names(loss: Loss) -> tuple[str, ...]:
-    """What each stream is called in logs."""
-    return ("dominant", "non_dominant") if loss == "specialized" else (loss,)
-
-
-def shares(loss: Loss) -> dict[str, list[float]]:
-    """How much of each stream's gradient every group of an actor-critic policy gets."""
-    if loss != "specialized":
-        return {"dominant": [1.0], "non_dominant": [1.0], "shared": [1.0], "critic_0": [1.0]}
-    return {
-        "dominant": [1.0, 0.0],
-        "non_dominant": [0.0, 1.0],
-        "shared": [0.5, 0.5],
-        "critic_0": [1.0, 0.0],
-        "critic_1": [0.0, 1.0],
-    }
-
-
-def penalty_weights(loss: Loss) -> dict[str, float]:
-    """Weight of the weight penalty on each group of the network, routed like the rest of the loss."""
-    streams = stream_penalties(loss)
-    return {
-        group: sum(share * weight for share, weight in zip(shares(loss)[group], streams, strict=True))
-        for group in ("dominant", "non_dominant", "shared")
-    }
+    ``critic_0`` predicts the first stream, ``critic_1`` the second, and each learns from its own stream alone.
+    """
+    n_streams = len(stream_mix(loss))
+    critics = {f"critic_{i}": tuple(float(i == stream) for stream in range(n_streams)) for i in range(n_streams)}
+    return {**group_shares(loss), **critics}
 
 
 def assign_routed_gradients(losses: Sequence[Tensor], groups: Groups, group_shares: Shares) -> None:

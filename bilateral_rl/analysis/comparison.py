@@ -22,7 +22,7 @@ from bilateral_rl.analysis.statistics import (
     tukey_hsd,
     welch_anova,
 )
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis import kinematics, smoothness
-from bilateral_rl.catalogue import check_choice
+from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach
-from bilateral_rl.errors import UserError
-from bilateral_rl.evaluation import TrialRecord
-from bilateral_rl.policies.lesions import Side
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import Side
 
 _REACH, _HOLD = (RandomReach.id,), (HoldPosition.id,)
 _BOTH = _REACH + _HOLD

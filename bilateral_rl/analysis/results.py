@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from bilateral_rl.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config_checks import MAX_SEEDS
+from bilateral_rl.config.catalogue import ALGORITHMS, MAX_SEEDS, MODELS
 from bilateral_rl.envs.tasks import TASKS
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.csv_tables import read_table
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS
-from bilateral_rl.tables import read_table
 
 COLUMNS = ("model", "task", "algo", "seed", "lesion", "retrained", "metric", "value")
 """Of the table: ``lesion`` is "intact" or a lesion's name, ``retrained`` whether the output layer was trained for one

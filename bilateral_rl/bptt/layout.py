@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from bilateral_rl.bptt.network_kernels import NetworkShape
-from bilateral_rl.policies.lesions import SIDES
 from bilateral_rl.policies.networks import MotorNetwork
+from bilateral_rl.vocabulary import SIDES
 
 _ALIGNMENT = 16
 """Numbers a row is a multiple of, so that all rows lie alike in memory and are summed alike."""

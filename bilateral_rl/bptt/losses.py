@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 from torch import Tensor
 
-from bilateral_rl.algorithms.routing import Loss, stream_mix, stream_penalties
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.rollout import Rollout, TrajectoryGradients
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import LENGTH, VELOCITY
-from bilateral_rl.envs.reward import DOMINANT_WEIGHTS, NON_DOMINANT_WEIGHTS
-
-Penalty = Literal["weights", "activity", "released"]
-PENALTIES: dict[Penalty, float] = {"weights": 0.001, "activity": 0.01, "released": 0.01}
-"""What the weight penalty is taken of, and its default coefficient.
-
-``weights``: coefficient · ½ Σ w² over every kernel, bias and combination weight. ``activity``: coefficient ·
-(mean x² + 0.05 · mean ẋ²) of each hidden layer's activity x. ``released``: the same of each of the first outputs, as
-many as there are hidden layers, that the paper's released code pairs with them by mistake: joint state, muscle state,
-proprioceptive and visual feedback.
-"""
+from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES, Loss, Penalty, stream_mix, stream_penalties
 
 _RATE_WEIGHT = 0.05
 """Weight of the mean squared rate of change in the last two kinds."""
@@ -47,8 +34,8 @@ class StreamLosses:
 
     def __init__(self, loss: Loss, penalty: Penalty, coefficient: float, layout: Layout, arm: ArmParameters) -> None:
         self.penalty, self.coefficient, self._layout, self._arm = penalty, coefficient, layout, arm
-        by_side = torch.tensor([DOMINANT_WEIGHTS.as_tuple(), NON_DOMINANT_WEIGHTS.as_tuple()])
-        self.term_weights = torch.from_numpy(stream_mix(loss)) @ by_side
+        by_side = torch.tensor([LOSS_WEIGHTS[side].terms for side in SIDES])
+        self.term_weights = torch.tensor(stream_mix(loss)) @ by_side
         self.penalty_weights = stream_penalties(loss)
         self.n_streams = len(self.penalty_weights)
         self.weight_decay = [w * coefficient if penalty == "weights" else 0.0 for w in self.penalty_weights]

@@ -10,11 +10,11 @@ import torch
 import warp as wp
 from torch import Tensor
 
-from bilateral_rl.algorithms.routing import Loss, shares
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer_kernels import BETA_1, BETA_2, optimizer_kernels
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.envs.arm.warp_start import launch_place
+from bilateral_rl.vocabulary import Loss, group_shares
 
 
 class StackedAdam:
@@ -52,9 +52,9 @@ class StackedAdam:
         self.first, self.second, self.routed = (torch.zeros_like(rollout.weights) for _ in range(3))
         variables = self._layout.variables
         self.norms = rollout.weights.new_zeros(rollout.size.n_networks, len(variables))
-        group_shares = shares(loss)
+        shares = group_shares(loss)
         self._shares = rollout.weights.new_tensor(
-            [[group_shares[v.group][stream] for v in variables] for stream in range(losses.n_streams)]
+            [[shares[v.group][stream] for v in variables] for stream in range(losses.n_streams)]
         )
         self._decay = rollout.weights.new_tensor(losses.weight_decay)
         ends = [v.offset + v.size for v in variables]

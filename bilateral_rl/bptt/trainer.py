@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from bilateral_rl.algorithms.routing import stream_names
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
@@ -19,10 +18,11 @@ from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trials import epoch_order, training_trials, validation_trials
 from bilateral_rl.bptt.workers import Workers
-from bilateral_rl.catalogue import find_model
-from bilateral_rl.config import BPTTConfig
+from bilateral_rl.config.catalogue import find_model
+from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
+from bilateral_rl.vocabulary import stream_names
 
 MEASURES = ("goal_completion_percent", "time_in_goal_steps", "final_error_cm")
 """Of the validation trials, as evaluations call them."""

@@ -11,10 +11,11 @@ from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric,
 from bilateral_rl.analysis.results import INTACT
 from bilateral_rl.analysis.samples import finite
 from bilateral_rl.analysis.statistics import PairTest, games_howell, tukey_hsd
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
-from bilateral_rl.errors import UserError
-from bilateral_rl.policies.lesions import Side, lesion_words
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import lesion_words
+from bilateral_rl.vocabulary import Side
 
 OTHER: dict[Side, Side] = {"dominant": "non_dominant", "non_dominant": "dominant"}
 _NUMBER = {model: number for number, model in enumerate(MODELS)}

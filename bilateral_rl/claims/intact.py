@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bilateral_rl.catalogue import MODELS
 from bilateral_rl.claims.claim import Component
 from bilateral_rl.claims.components import Contrast, mean_within, not_greater, post_hoc, ratio_within, undecided
 from bilateral_rl.claims.evidence import Evidence, Measure, Sample
 from bilateral_rl.claims.margins import COMPLETES, NOT_WORSE
+from bilateral_rl.config.catalogue import MODELS
 
 SPECIALIZED = (("bi_s", "bi_ns"), ("cc_s", "cc_ns"))
 """Each specialized model with two hemispheres, and the same network not specialized."""

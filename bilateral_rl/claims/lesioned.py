@@ -15,7 +15,7 @@ from bilateral_rl.claims.claim import Component
 from bilateral_rl.claims.components import Contrast, difference_within, holm_family, ratio_within
 from bilateral_rl.claims.evidence import OTHER, Evidence, Measure, Sample
 from bilateral_rl.claims.margins import DROPPED, LITTLE, RECOVERED
-from bilateral_rl.policies.lesions import SIDES, Side
+from bilateral_rl.vocabulary import SIDES, Side
 
 CALLOSAL = ("cc_s", "cc_ns")
 

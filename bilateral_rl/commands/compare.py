@@ -14,14 +14,14 @@ from rich.console import Console
 from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
 from bilateral_rl.analysis.results import COLUMNS, INTACT, read_results
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
 from bilateral_rl.commands.lesion import RESULTS, default_place
 from bilateral_rl.commands.writing import apart_from, write
-from bilateral_rl.config import TrainConfig
-from bilateral_rl.controllers import load_policies, parse_run, seeds_of
-from bilateral_rl.errors import UserError
-from bilateral_rl.evaluation import Evaluator
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import load_policies, parse_run
 
 _NO_TREATMENT = ("seed", "seeds", "device", "threads", "init_from", "track", "evaluation")
 """Settings in which the seeds of one group may differ."""
@@ -37,7 +37,7 @@ class _Chosen:
 
     @property
     def seeds(self) -> list[int]:
-        return seeds_of(self.config) if self.only is None else [self.only]
+        return self.config.all_seeds if self.only is None else [self.only]
 
     def name(self, path: str) -> str:
         return path if self.only is None else f"{path}:{self.only}"

@@ -9,11 +9,11 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
+from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
+from bilateral_rl.commands.training_report import measures_table
 from bilateral_rl.commands.writing import apart_from, finite, write
-from bilateral_rl.controllers import load_policies, parse_run
-from bilateral_rl.errors import UserError
-from bilateral_rl.evaluation import Evaluator, TrialRecord, summaries
-from bilateral_rl.reports import measures_table
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.policies import load_policies, parse_run
 
 
 def evaluate(

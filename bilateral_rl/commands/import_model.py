@@ -9,9 +9,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from bilateral_rl import settings
-from bilateral_rl.errors import UserError
-from bilateral_rl.sb3_import import import_model
+from bilateral_rl.config import parse as settings
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.sb3_import import import_model
 
 
 def import_zip(

@@ -18,19 +18,19 @@ from rich.progress import Progress
 from rich.table import Table
 from torch.utils.tensorboard import SummaryWriter
 
-from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.analysis.metrics import ALONE, Metric, find_metric, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import by_seed
-from bilateral_rl.config import TrainConfig
-from bilateral_rl.controllers import parse_run
-from bilateral_rl.errors import UserError
+from bilateral_rl.config.parse import plain
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
-from bilateral_rl.files import refuse_traps, replacing
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import refuse_traps, replacing
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.run_folder import RunFolder
-from bilateral_rl.settings import plain
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import parse_run
+from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 
 RESULTS, SETTINGS = "lesions.csv", "settings.json"
 _CONDITIONS = {False: "without retraining", True: "retrained"}

@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bilateral_rl.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
-from bilateral_rl.errors import UserError
-from bilateral_rl.run_folder import find_runs
+from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import find_runs
 
 
 def list_all(out: Path, console: Console) -> None:

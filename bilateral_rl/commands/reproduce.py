@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bilateral_rl import settings
 from bilateral_rl.claims import Claim
 from bilateral_rl.claims.margins import PAPER_SEEDS
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
+from bilateral_rl.config import parse as settings
 from bilateral_rl.study.board import ConsoleBoard
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState

@@ -11,16 +11,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bilateral_rl import settings
 from bilateral_rl.analysis.formats import spread
-from bilateral_rl.analysis.lesioning import measured_metrics
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
-from bilateral_rl.errors import UserError
+from bilateral_rl.config import parse as settings
 from bilateral_rl.figures.labels import with_unit
-from bilateral_rl.files import replacing
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.jobs import JobState
+from bilateral_rl.study.lesioning import measured_metrics
 from bilateral_rl.study.plan import side_by_side
 from bilateral_rl.study.sweep import Sweep, parse_grid, point_name, read_sweep
 

@@ -12,15 +12,16 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from bilateral_rl import settings, training
-from bilateral_rl.config import BPTTConfig, RLConfig, TrainConfig
-from bilateral_rl.controllers import initial_states, parse_run
-from bilateral_rl.errors import UserError
-from bilateral_rl.evaluation import Evaluator
-from bilateral_rl.progress import Outcome, check_device
-from bilateral_rl.reports import TrainingProgress, measures_table
-from bilateral_rl.resolve import resolve
-from bilateral_rl.tracking import check_tracking
+from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.commands.training_report import TrainingProgress, measures_table
+from bilateral_rl.config import parse as settings
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.policies import initial_states, parse_run
+from bilateral_rl.training import run as training
+from bilateral_rl.training.session import Outcome, check_device
+from bilateral_rl.training.tracking import check_tracking
 
 INTERRUPTED_EXIT = 128 + signal.SIGINT
 SUMMARY_TRIALS, SUMMARY_SEED = 1024, 2_000_000

@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.console import Console
 
-from bilateral_rl.errors import UserError
-from bilateral_rl.files import replacing
-from bilateral_rl.terminal import Terminal
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
+from bilateral_rl.io.terminal import Terminal
 
 
 def apart_from(console: Console, *paths: Path | None) -> Console:

@@ -10,7 +10,7 @@ import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from bilateral_rl.evaluation import TrialRecord
+from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
 from bilateral_rl.figures.labels import model_label
 from bilateral_rl.figures.style import INK, ModelStyle, dress, in_order, new_figure, set_note, set_title_and_legend

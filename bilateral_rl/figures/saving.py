@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bilateral_rl.errors import UserError
-from bilateral_rl.files import replacing
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
 
 DPI = 220
 """1,320 pixels for the common width."""

@@ -39,7 +39,8 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     :func:`~bilateral_rl.figures.curves.learning_curves`.
 
     Args:
-        probes: tables of :func:`bilateral_rl.lesion_probe.read_probes`; a seed once a model, at most four models.
+        probes: tables of :func:`bilateral_rl.training.lesion_probe.read_probes`; a seed once a model, four models at
+            most.
         task: which task they are of.
     """
     models, measure = in_order(probes["model"]), PREFERRED[task]

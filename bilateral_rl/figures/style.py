@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 
 WIDTH = 6.0
 """Of a figure (inches): narrow, so that its text stays legible where it is shown 400 pixels wide."""

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from bilateral_rl.analysis.kinematics import hand_speed
+from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
-from bilateral_rl.evaluation import TrialRecord
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
 from bilateral_rl.figures.labels import model_label
 from bilateral_rl.figures.style import (

@@ -12,8 +12,8 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Column
 from rich.text import Text
 
+from bilateral_rl.io.terminal import printable
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState
-from bilateral_rl.terminal import printable
 
 LINE_INTERVAL = 30.0
 """Seconds between two lines on the whole study, where there is no terminal."""

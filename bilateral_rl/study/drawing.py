@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.comparison import compare
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric, threshold_name
-from bilateral_rl.catalogue import MODELS
-from bilateral_rl.controllers import load_policy
-from bilateral_rl.evaluation import Evaluator, TrialRecord
+from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves
 from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
 from bilateral_rl.figures.labels import model_label, task_label
@@ -22,10 +21,11 @@ from bilateral_rl.figures.posthoc import posthoc_matrix
 from bilateral_rl.figures.specialization import specialization
 from bilateral_rl.figures.specialization_over_training import specialization_over_training
 from bilateral_rl.figures.trials import hand_paths, muscle_activity, speed_profiles
-from bilateral_rl.lesion_probe import read_probes
 from bilateral_rl.policies.networks import BilateralNetwork
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.outcome import learning_history
+from bilateral_rl.training.lesion_probe import read_probes
 
 TRIALS, TRIALS_SEED = 128, 2_000_000
 """Of the trials that figures show."""

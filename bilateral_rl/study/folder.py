@@ -6,10 +6,10 @@ from pathlib import Path
 
 import yaml
 
-from bilateral_rl import settings
-from bilateral_rl.errors import UserError
-from bilateral_rl.files import refuse_traps, replacing
-from bilateral_rl.settings import Values
+from bilateral_rl.config import parse as settings
+from bilateral_rl.config.parse import Values
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import refuse_traps, replacing
 from bilateral_rl.study.jobs import make_study_folder
 
 STUDY_FILE = "study.yaml"

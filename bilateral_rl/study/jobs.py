@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 
 
 class JobState(StrEnum):

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
 
-from bilateral_rl.errors import UserError
-from bilateral_rl.progress import StopRequest
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.board import SILENT, Board
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState, done_before, longest_first, make_study_folder
 from bilateral_rl.study.process import JobProcess
+from bilateral_rl.training.session import StopRequest
 
 _INTERVAL = 0.1
 """Seconds after which to look again, at the latest."""

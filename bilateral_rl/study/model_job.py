@@ -7,18 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bilateral_rl import training
-from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
-from bilateral_rl.config import TrainConfig
-from bilateral_rl.errors import UserError
-from bilateral_rl.files import replacing
+from bilateral_rl.config.parse import Values
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.progress import FAILED, FINISHED, Outcome, Progress
-from bilateral_rl.reports import total_of
-from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import RunFolder, find_runs
-from bilateral_rl.settings import Values
+from bilateral_rl.runs.folder import FAILED, FINISHED, RunFolder, find_runs
 from bilateral_rl.study.jobs import JobProgress
+from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
+from bilateral_rl.training import run as training
+from bilateral_rl.training.session import Outcome, Progress
 
 _OF_THE_MACHINE = ("threads", "device", "track")
 """Settings that change how a run is made, not what comes out."""
@@ -35,7 +34,7 @@ def train_and_measure(
         folder: of the study.
         progress: told how far the job is.
         config: of the training.
-        lesions: fields of :class:`~bilateral_rl.analysis.lesioning.LesionSettings`.
+        lesions: fields of :class:`~bilateral_rl.study.lesioning.LesionSettings`.
         runs: where in ``folder`` the run lies or comes to lie.
         result: the file in ``folder`` that takes the results.
 
@@ -108,7 +107,7 @@ class _Watch(Progress):
     """Passes a training's progress on to the job's."""
 
     def __init__(self, config: TrainConfig, progress: JobProgress) -> None:
-        self._total, self._progress = total_of(config), progress
+        self._total, self._progress = config.total, progress
         self._text = "training"
 
     def on_start(self, done: int) -> None:

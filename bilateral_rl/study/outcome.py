@@ -9,14 +9,13 @@ import pandas as pd
 
 from bilateral_rl.analysis import results
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.config import BPTTConfig, TrainConfig
-from bilateral_rl.controllers import seeds_of
-from bilateral_rl.errors import UserError
+from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.io.csv_tables import read_table
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.study.model_job import find_run
 from bilateral_rl.study.plan import results_file, runs_folder
-from bilateral_rl.tables import read_table
 
 _MOST_POINTS, _MOST_VALUES = 10**5, 10**7
 """Of a learning curve, in time and over all seeds: far more than can be seen."""
@@ -64,6 +63,6 @@ def _history(run: RunFolder) -> pd.DataFrame:
         raise UserError(f"{run.path} does not say how it learned: it has no {name}.") from None
     table = table if supervised else table.assign(seed=config.seed)
     points, seeds = table[counts[-1]].nunique(), set(table["seed"])
-    if not seeds <= set(seeds_of(config)) or points > _MOST_POINTS or points * len(seeds) > _MOST_VALUES:
+    if not seeds <= set(config.all_seeds) or points > _MOST_POINTS or points * len(seeds) > _MOST_VALUES:
         raise UserError(f"{run.path / name} is damaged: it is not about the seeds of its run, or far too long.")
     return table

@@ -8,13 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from bilateral_rl.catalogue import ALGORITHMS, MODELS, check_choice
-from bilateral_rl.config import PROFILES, BPTTConfig, TrainConfig
+from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
+from bilateral_rl.config.parse import Values
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.envs.tasks import TASKS
-from bilateral_rl.errors import UserError
-from bilateral_rl.resolve import resolve
-from bilateral_rl.settings import Values
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
+from bilateral_rl.vocabulary import PROFILES
 
 TRAIN_AND_MEASURE = "bilateral_rl.study.model_job:train_and_measure"
 QUICK_SEEDS = 3

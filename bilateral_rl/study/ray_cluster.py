@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from bilateral_rl.errors import UserError
-from bilateral_rl.progress import StopRequest
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.board import SILENT, Board
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState, done_before, longest_first, make_study_folder
 from bilateral_rl.study.process import JobProcess
 from bilateral_rl.study.transfer import pack, unpack
+from bilateral_rl.training.session import StopRequest
 
 _RETRIES = 3
 """Of a job whose node was lost."""

@@ -15,10 +15,10 @@ import yaml
 
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.claims import Claim, margins
-from bilateral_rl.config import TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
-from bilateral_rl.files import replacing
-from bilateral_rl.run_folder import versions
+from bilateral_rl.io.files import replacing
+from bilateral_rl.runs.folder import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import RADII, Study
 from bilateral_rl.study.tables import ReportTable

@@ -10,7 +10,7 @@ import pandas as pd
 from bilateral_rl.claims import Claim, ClaimSettings, evaluate_claims
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.figures.saving import save
-from bilateral_rl.files import replacing
+from bilateral_rl.io.files import replacing
 from bilateral_rl.study.drawing import draw_study
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import results_of, runs_of

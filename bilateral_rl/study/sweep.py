@@ -12,10 +12,10 @@ from typing import Any
 
 import pandas as pd
 
-from bilateral_rl.config import TrainConfig
-from bilateral_rl.errors import UserError
-from bilateral_rl.resolve import resolve
-from bilateral_rl.settings import Values, merge, parse_overrides
+from bilateral_rl.config.parse import Values, merge, parse_overrides
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.outcome import read_result
 from bilateral_rl.study.plan import TRAIN_AND_MEASURE, cost_of

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bilateral_rl.analysis.results import INTACT
-from bilateral_rl.config import BPTTConfig, TrainConfig
-from bilateral_rl.controllers import load_policies, parse_run, seeds_of
+from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.envs.trials import TrialSettings
-from bilateral_rl.errors import UserError
-from bilateral_rl.evaluation import Evaluator
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.terminal import printable
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, lesion_words
-from bilateral_rl.run_folder import RunFolder
-from bilateral_rl.terminal import printable
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import load_policies, parse_run
 from bilateral_rl.video.film import Take
 
 
@@ -51,7 +51,7 @@ class Actor:
     @property
     def is_one_of_several(self) -> bool:
         """Whether the run has more seeds and none was named."""
-        return self.named_seed is None and len(seeds_of(self.config)) > 1
+        return self.named_seed is None and len(self.config.all_seeds) > 1
 
     @property
     def path(self) -> Path:

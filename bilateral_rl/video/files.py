@@ -9,8 +9,8 @@ from pathlib import Path
 import imageio_ffmpeg
 from PIL import Image
 
-from bilateral_rl.errors import UserError
-from bilateral_rl.files import replacing
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
 from bilateral_rl.video.film import Film, Picture
 
 SUFFIXES = (".mp4", ".gif")

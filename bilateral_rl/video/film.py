@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.rendering import Scene, draw, tile
-from bilateral_rl.evaluation import TrialRecord
 
 PAUSE = 0.6
 """How long the end of a trial stands still (s of video)."""

@@ -6,9 +6,8 @@ import sys
 
 import torch
 
-from bilateral_rl.catalogue import check_choice
-from bilateral_rl.cli import run
-from bilateral_rl.errors import UserError
+from bilateral_rl.config.catalogue import check_choice
+from bilateral_rl.io.errors import UserError, run_program
 from bilateral_rl.zoo import ALGORITHMS
 
 COMMANDS = ("train", "enjoy", "plot_train", "plot_from_file", "all_plots")
@@ -48,4 +47,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run_program(main)

@@ -11,7 +11,7 @@ from rl_zoo3.exp_manager import ExperimentManager
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmVecEnv
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies import POLICY_ALIASES
 from bilateral_rl.zoo import ALGORITHMS
 from bilateral_rl.zoo.hyperparameters import file_for, schedule

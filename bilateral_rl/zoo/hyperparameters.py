@@ -10,12 +10,12 @@ from typing import Any
 
 import yaml
 
-from bilateral_rl.config import RLConfig, TD3Config
-from bilateral_rl.controllers import policy_arguments
+from bilateral_rl.config.parse import plain
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import RLConfig, TD3Config
 from bilateral_rl.envs import ENVIRONMENT_IDS
-from bilateral_rl.resolve import resolve
-from bilateral_rl.rl_algorithms import algorithm_arguments, linear_schedule
-from bilateral_rl.settings import plain
+from bilateral_rl.runs.policies import policy_arguments
+from bilateral_rl.training.build import algorithm_arguments, linear_schedule
 from bilateral_rl.zoo import ALGORITHMS
 
 FOLDER = Path(__file__).parent / "hyperparams"

@@ -6,17 +6,17 @@ import torch
 from rich.console import Console
 from rl_runs import small_rl
 
-from bilateral_rl import cli
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.bptt.trainer import Trainer, history_columns
 from bilateral_rl.bptt.trials import initial_weights_seed
-from bilateral_rl.config import BPTTConfig, RLConfig
-from bilateral_rl.controllers import build_network, seeds_of
-from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import RunFolder
-from bilateral_rl.settings import merge
-from bilateral_rl.training import train
+from bilateral_rl.commands import app as cli
+from bilateral_rl.config.parse import merge
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import BPTTConfig, RLConfig
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import build_network
+from bilateral_rl.training.run import train
 
 SMALL = {
     "timesteps": 4_000,
@@ -98,7 +98,7 @@ def make_trainer():
         layout = Layout(build_network(config))
         if state is None:
             networks = []
-            for seed in seeds_of(config):
+            for seed in config.all_seeds:
                 torch.manual_seed(initial_weights_seed(seed))
                 networks.append(build_network(config).state_dict())
             state = TrainingState.start(layout.pack(networks), len(history_columns(config, layout)))

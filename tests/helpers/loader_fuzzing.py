@@ -18,20 +18,20 @@ import yaml
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from bilateral_rl import rl_state
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.results import COLUMNS, read_results
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.bptt.trainer import history_columns
-from bilateral_rl.config import CONFIGS, BPTTConfig, TrainConfig
-from bilateral_rl.controllers import build_network, build_policy, load_policies, seeds_of, stack_states
-from bilateral_rl.errors import UserError
-from bilateral_rl.resolve import resolve
-from bilateral_rl.rl_algorithms import build_algorithm
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import CONFIGS, BPTTConfig, TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import build_network, build_policy, load_policies, stack_states
 from bilateral_rl.study.folder import claim_folder
 from bilateral_rl.study.outcome import learning_history
+from bilateral_rl.training import checkpoint as rl_state
+from bilateral_rl.training.build import build_algorithm
 
 SECONDS = 30
 """That no input may take."""
@@ -256,7 +256,7 @@ def _run(folder: Path, config: TrainConfig) -> RunFolder:
     """A run as if it had been trained, with all that loaders read."""
     run = RunFolder.create(folder, config)
     if isinstance(config, BPTTConfig):
-        networks = {one: build_network(config).state_dict() for one in seeds_of(config)}
+        networks = {one: build_network(config).state_dict() for one in config.all_seeds}
         run.save_weights("final", stack_states(networks))
         layout = Layout(build_network(config))
         columns = history_columns(config, layout)

@@ -7,7 +7,7 @@ import resource
 import sys
 import time
 
-from bilateral_rl import cli
+from bilateral_rl.commands import app as cli
 
 TIMEOUT = 120.0
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from bilateral_rl.resolve import resolve
-from bilateral_rl.settings import merge
+from bilateral_rl.config.parse import merge
+from bilateral_rl.config.resolve import resolve
 
 ALGORITHMS = ("ppo", "a2c", "sac", "td3")
 

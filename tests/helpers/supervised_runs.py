@@ -6,9 +6,9 @@ import signal
 
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from bilateral_rl.progress import Progress
-from bilateral_rl.resolve import resolve
-from bilateral_rl.settings import merge
+from bilateral_rl.config.parse import merge
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.session import Progress
 
 
 class Watch(Progress):

@@ -26,7 +26,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from bilateral_rl.algorithms import HemisphericA2C
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.policies import POLICY_ALIASES, SAC_ALIASES
 
 pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)

@@ -8,16 +8,13 @@ import torch
 from torch import nn
 
 from bilateral_rl.algorithms.routing import (
-    LOSSES,
     add_weight_penalty,
     assign_routed_gradients,
     clip_group_gradients,
-    penalty_weights,
-    shares,
-    stream_mix,
-    stream_names,
+    policy_shares,
 )
 from bilateral_rl.policies import ARCHITECTURES, make_network
+from bilateral_rl.vocabulary import LOSSES, group_penalties, stream_mix, stream_names
 
 NETWORK_GROUPS = ("dominant", "non_dominant", "shared")
 # Paper section 4: the weight penalty weighs 0 in the dominant, 2 in the non-dominant, 1 in the combined loss; a
@@ -80,7 +77,7 @@ def random_parameters(*sizes, seed=0, scale=1.0):
 def test_routed_gradients_are_those_of_two_ordinary_backward_passes(architecture):
     model = two_streams(architecture)
     dominant, non_dominant = (backward_gradients(model, stream) for stream in range(2))
-    assign_routed_gradients(model.losses(), model.groups(), shares("specialized"))
+    assign_routed_gradients(model.losses(), model.groups(), policy_shares("specialized"))
     half_of_each = [(d + n) / 2 for d, n in zip(dominant["shared"], non_dominant["shared"], strict=True)]
     expected = {
         "dominant": dominant["dominant"],
@@ -100,7 +97,7 @@ def test_a_single_stream_routes_its_whole_gradient_everywhere(loss):
     model = two_streams()
     groups = {name: group for name, group in model.groups().items() if name != "critic_1"}
     expected = backward_gradients(model, stream=0)
-    assign_routed_gradients(model.losses()[:1], groups, shares(loss))
+    assign_routed_gradients(model.losses()[:1], groups, policy_shares(loss))
     for name, group in groups.items():
         for parameter, gradient in zip(group, expected[name], strict=True):
             torch.testing.assert_close(parameter.grad, gradient, rtol=1e-6, atol=1e-8)
@@ -141,7 +138,7 @@ def test_adam_does_not_move_a_parameter_without_a_share():
 def test_a_lesioned_side_gets_no_gradient_unless_it_speaks_over_the_callosum(architecture):
     model = two_streams(architecture)
     with model.motor_network.lesioned("deep_dominant"):
-        assign_routed_gradients(model.losses(), model.groups(), shares("specialized"))
+        assign_routed_gradients(model.losses(), model.groups(), policy_shares("specialized"))
     assert (model.motor_network.dominant[0].weight.grad is None) == (architecture == "bilateral")
     assert model.motor_network.dominant[1].weight.grad is None
     assert model.motor_network.combination_dominant.grad is None
@@ -150,7 +147,7 @@ def test_a_lesioned_side_gets_no_gradient_unless_it_speaks_over_the_callosum(arc
 
 @pytest.mark.parametrize("loss", LOSSES)
 def test_the_penalty_weighs_on_each_group_as_the_paper_says(loss):
-    assert penalty_weights(loss) == PENALTIES[loss]
+    assert group_penalties(loss) == PENALTIES[loss]
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -167,7 +164,7 @@ def test_the_penaltys_gradient_is_autograds_of_half_the_squared_weights(loss, co
     )
     parameters = [p for name in NETWORK_GROUPS for p in groups[name]]
     expected = torch.autograd.grad(penalty, parameters)
-    add_weight_penalty(groups, penalty_weights(loss), coefficient)
+    add_weight_penalty(groups, group_penalties(loss), coefficient)
     for parameter, gradient in zip(parameters, expected, strict=True):
         got = torch.zeros_like(gradient) if parameter.grad is None else parameter.grad
         torch.testing.assert_close(got, gradient)
@@ -240,7 +237,7 @@ def test_gradients_that_autograd_gives_to_two_parameters_at_once_are_clipped_onc
 
 def test_the_stream_of_the_combined_loss_is_the_mean_of_the_pair():
     pair = np.array([-3.0, -1.0])
-    streams = {loss: (stream_mix(loss) @ pair).tolist() for loss in LOSSES}
+    streams = {loss: (np.array(stream_mix(loss)) @ pair).tolist() for loss in LOSSES}
     assert streams == {
         "combined": [-2.0],
         "dominant": [-3.0],
@@ -253,8 +250,8 @@ def test_the_stream_of_the_combined_loss_is_the_mean_of_the_pair():
 def test_every_stream_has_a_name_a_critic_and_a_share_for_each_group(loss):
     n_streams = len(stream_mix(loss))
     assert len(stream_names(loss)) == n_streams
-    assert set(shares(loss)) == {*NETWORK_GROUPS, *(f"critic_{i}" for i in range(n_streams))}
-    for name, share in shares(loss).items():
+    assert set(policy_shares(loss)) == {*NETWORK_GROUPS, *(f"critic_{i}" for i in range(n_streams))}
+    for name, share in policy_shares(loss).items():
         assert len(share) == n_streams
         assert sum(share) == 1.0, name
 

@@ -7,7 +7,7 @@ from scipy import stats
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by_seed
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 
 METRIC, TASK = "time_in_goal_5cm", "hold_position"
 MODELS = {

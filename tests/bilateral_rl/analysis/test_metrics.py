@@ -12,10 +12,10 @@ from bilateral_rl.analysis.metrics import (
     specialization_index,
     threshold_name,
 )
+from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.tasks import TASKS
-from bilateral_rl.errors import UserError
-from bilateral_rl.evaluation import TrialRecord
+from bilateral_rl.io.errors import UserError
 
 THRESHOLDS = (0.02, 0.045)
 STEPS = 50

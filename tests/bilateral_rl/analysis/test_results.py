@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bilateral_rl.analysis.results import COLUMNS, by_seed, read_results
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 
 ROWS = [
     ("cc_s", "random_reach", "bptt", 10, "intact", False, "effort", 1.5),

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from bilateral_rl.controllers import network_states
-from bilateral_rl.resolve import resolve
-from bilateral_rl.training import resume, train
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.runs.policies import network_states
+from bilateral_rl.training.run import resume, train
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
 

@@ -3,13 +3,13 @@
 import pytest
 import torch
 
-from bilateral_rl.algorithms.routing import LOSSES
 from bilateral_rl.bptt.layout import Layout
-from bilateral_rl.bptt.losses import PENALTIES, StreamLosses
+from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs import ArmParameters
 from bilateral_rl.policies import make_network
+from bilateral_rl.vocabulary import LOSSES, PENALTIES
 
 # Weights of Cartesian 1, Cartesian 2 and activation, and of the weight penalty.
 DOMINANT, NON_DOMINANT, COMBINED = ([0.0, 5.0, 2.0], 0.0), ([5.0, 0.0, 0.0], 2.0), ([2.5, 2.5, 1.0], 1.0)
@@ -98,7 +98,7 @@ def routed(rollout, losses, loss):
 def test_weights_of_terms_and_penalty_are_the_papers(model):
     losses, streams = losses_of(model), STREAMS_OF_MODEL[model]
     assert losses.term_weights.tolist() == [terms for terms, _ in streams]
-    assert losses.penalty_weights == [penalty for _, penalty in streams]
+    assert losses.penalty_weights == tuple(penalty for _, penalty in streams)
     assert losses.n_streams == len(streams)
 
 

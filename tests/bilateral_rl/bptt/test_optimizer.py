@@ -11,7 +11,7 @@ from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.workers import Workers
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs import ArmParameters
 
 PAPERS = ("callosal", 10, 2)

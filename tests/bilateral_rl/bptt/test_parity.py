@@ -15,7 +15,7 @@ from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.rollout_arrays import RolloutSize
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs import ArmParameters
 from bilateral_rl.policies import make_network
 

@@ -10,10 +10,10 @@ import torch
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trials import epoch_order, initial_weights_seed, training_trials, validation_trials
-from bilateral_rl.catalogue import MODELS, find_model
-from bilateral_rl.controllers import build_network
+from bilateral_rl.config.catalogue import MODELS, find_model
 from bilateral_rl.envs import Arm
 from bilateral_rl.envs.tasks import TASKS, make_task
+from bilateral_rl.runs.policies import build_network
 
 OF_SEEDS = ("weights", "first", "second", "best_weights", "best_loss", "waited", "seed_state", "failed_batch", "epochs")
 

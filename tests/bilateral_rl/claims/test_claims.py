@@ -10,7 +10,7 @@ from scipy.stats import ttest_rel
 from bilateral_rl.claims import ClaimSettings, evaluate_claims
 from bilateral_rl.claims.evaluation import CLAIMS
 from bilateral_rl.claims.evidence import Evidence
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 
 NUMBERS = [f"C{i}" for i in range(1, 15)]
 ON_LESIONS = ["C4", "C5", "C6", "C7", "C8"]

@@ -7,12 +7,12 @@ import torch
 from rich.console import Console
 from typer.testing import CliRunner
 
-from bilateral_rl import cli
+from bilateral_rl.commands import app as cli
 from bilateral_rl.commands import lesion
-from bilateral_rl.controllers import build_network, build_policy, seeds_of, stack_states
-from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import RunFolder
-from bilateral_rl.settings import merge
+from bilateral_rl.config.parse import merge
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import build_network, build_policy, stack_states
 from bilateral_rl.study import plan, sweep
 
 SHORT = {"trial": {"trial_length": 10}}
@@ -72,7 +72,7 @@ def make_run(tmp_path):
             folder.save_weights("final", build_policy(config).state_dict())
             return folder
         states = {}
-        for seed in seeds_of(config):
+        for seed in config.all_seeds:
             torch.manual_seed(10 * seed + len(model))
             states[seed] = build_network(config).state_dict()
         folder.save_weights("final", stack_states(states))

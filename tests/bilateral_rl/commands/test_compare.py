@@ -11,8 +11,8 @@ from scipy import stats
 
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.controllers import load_policies
-from bilateral_rl.evaluation import Evaluator
+from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.runs.policies import load_policies
 
 TRIALS = ["--trials", 4, "--seed", 3]
 EFFORT = ["--metric", "effort"]

@@ -13,12 +13,12 @@ from matplotlib import image
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from bilateral_rl.analysis.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.analysis.metrics import specialization_index
 from bilateral_rl.analysis.results import COLUMNS, by_seed, read_results
 from bilateral_rl.commands import lesion as command
 from bilateral_rl.policies.lesions import LESIONS
-from bilateral_rl.run_folder import RunFolder
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 
 RUN = "runs/random_reach/cc_s-bptt-1"
 PLACE = f"{RUN}-lesions"

@@ -15,8 +15,8 @@ import yaml
 
 from bilateral_rl.commands import reproduce as command
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
-from bilateral_rl.errors import UserError
 from bilateral_rl.figures.style import new_figure
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import local, reproduction
 from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.jobs import JobOutcome, JobState
@@ -170,7 +170,13 @@ def test_a_folder_of_another_study_is_refused(invoke, outcomes):
 def test_the_whole_interrupted_and_gone_on_with(tmp_path):
     tiny = ["epochs=1", "bptt.trials=64", "bptt.validation_trials=8", "trial.trial_length=10"]
     arguments = ["reproduce", "--quick", "--seeds", "2", "--out", str(tmp_path / "study")]
-    words = [sys.executable, "-m", "bilateral_rl.cli", *arguments, *(w for item in tiny for w in ("--set", item))]
+    words = [
+        sys.executable,
+        "-m",
+        "bilateral_rl.commands.app",
+        *arguments,
+        *(w for item in tiny for w in ("--set", item)),
+    ]
     process = subprocess.Popen(words, text=True, stdout=subprocess.PIPE)
     while not list((tmp_path / "study").glob("results/*/*.csv")) and process.poll() is None:
         time.sleep(0.1)

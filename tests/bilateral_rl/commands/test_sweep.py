@@ -8,7 +8,7 @@ import pytest
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.commands import sweep as command
 from bilateral_rl.commands.train import INTERRUPTED_EXIT
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import JobOutcome, JobState
 
 GRID = ("--grid", "epochs=1,2", "--grid", "model=uni_dl,uni_ndl", "--jobs", 4, "--out", "study")

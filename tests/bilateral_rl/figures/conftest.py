@@ -4,8 +4,8 @@ import pytest
 from matplotlib.text import Text
 
 from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.evaluation import TrialRecord
 from bilateral_rl.figures.curves import Measure
 
 REACH, HOLD = "random_reach", "hold_position"

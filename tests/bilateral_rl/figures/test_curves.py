@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.curves import COMPLETION, FINAL_ERROR, Measure, learning_curves
 
 LOSS = Measure("loss", "Loss")

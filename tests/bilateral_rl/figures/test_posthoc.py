@@ -6,7 +6,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Rectangle
 
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.posthoc import posthoc_matrix, stars_of
 
 COLUMNS = ["a", "b", "difference", "p"]

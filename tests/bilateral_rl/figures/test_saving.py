@@ -8,11 +8,11 @@ import pytest
 from matplotlib import pyplot
 from PIL import Image
 
-from bilateral_rl.errors import UserError
 from bilateral_rl.figures.curves import Measure, learning_curves
 from bilateral_rl.figures.models import model_comparison
 from bilateral_rl.figures.posthoc import posthoc_matrix
 from bilateral_rl.figures.saving import save
+from bilateral_rl.io.errors import UserError
 
 PAIRS = pd.DataFrame([("bi_s", "cc_s", 1.5, 0.02), ("uni_b", "cc_s", 1.5, 0.02)], columns=["a", "b", "difference", "p"])
 

@@ -3,7 +3,7 @@ from itertools import combinations
 import pytest
 from matplotlib.colors import to_rgb
 
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.labels import axis_label, lesion_label, model_label, task_label
 from bilateral_rl.figures.style import MODEL_STYLES, families, in_order, model_style
 

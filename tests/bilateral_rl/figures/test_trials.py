@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures import as_array, hand_paths
 from bilateral_rl.figures.trials import muscle_activity, speed_profiles

@@ -8,7 +8,7 @@ import pytest
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.study.drawing import compared_metrics, draw_study
-from bilateral_rl.training import train
+from bilateral_rl.training.run import train
 
 RADII = {"random_reach": 0.05, "hold_position": 0.05}
 make_results = runpy.run_path(str(Path(__file__).parents[1] / "claims" / "conftest.py"))["_results"]

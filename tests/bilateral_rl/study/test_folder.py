@@ -3,9 +3,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from bilateral_rl import settings
-from bilateral_rl.errors import UserError
-from bilateral_rl.settings import parse_overrides
+from bilateral_rl.config import parse as settings
+from bilateral_rl.config.parse import parse_overrides
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import folder as module
 from bilateral_rl.study.folder import STUDY_FILE, claim_folder
 from bilateral_rl.study.plan import Study

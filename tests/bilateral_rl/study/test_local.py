@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import JobState
 from bilateral_rl.study.local import run_local
 

@@ -8,15 +8,15 @@ import pandas as pd
 import pytest
 from torch.utils.tensorboard import SummaryWriter
 
-from bilateral_rl import training
-from bilateral_rl.analysis.lesioning import measured_metrics
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.bptt import training as bptt_training
-from bilateral_rl.errors import UserError
-from bilateral_rl.resolve import resolve
-from bilateral_rl.run_folder import RunFolder, find_runs
-from bilateral_rl.settings import merge
+from bilateral_rl.config.parse import merge
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder, find_runs
+from bilateral_rl.study.lesioning import measured_metrics
 from bilateral_rl.study.model_job import find_run, train_and_measure
+from bilateral_rl.training import run as training
+from bilateral_rl.training import supervised
 
 RESULT = "results/random_reach/cc_s.csv"
 LESIONS = {"lesions": ["callosum"], "trials": 16, "retraining_trials": 64, "profile": "paper"}
@@ -58,7 +58,7 @@ def no_training(*_):
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
     """They take longer than these trainings."""
-    monkeypatch.setattr(bptt_training, "hand_paths", lambda *_: None)
+    monkeypatch.setattr(supervised, "hand_paths", lambda *_: None)
     monkeypatch.setattr(SummaryWriter, "add_figure", lambda *_, **__: None)
 
 
@@ -74,7 +74,7 @@ def whole(config, tmp_path_factory):
     folder = tmp_path_factory.mktemp("whole")
     watcher = Watcher(lambda *_: (folder / RESULT).exists(), no_training)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bptt_training, "hand_paths", lambda *_: None)
+        patch.setattr(supervised, "hand_paths", lambda *_: None)
         patch.setattr(SummaryWriter, "add_figure", lambda *_, **__: None)
         work(folder, config, watcher)
     return folder, watcher.told

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.outcome import learning_history, results_of, runs_of
 from bilateral_rl.study.plan import Study, results_file
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bilateral_rl.catalogue import MODELS
+from bilateral_rl.config.catalogue import MODELS
+from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs.tasks import TASKS
-from bilateral_rl.errors import UserError
-from bilateral_rl.resolve import resolve
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.plan import Study, side_by_side
 
 PAIRS = [(task, model) for task in TASKS for model in MODELS]

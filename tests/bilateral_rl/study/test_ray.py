@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job, JobState
 from bilateral_rl.study.local import run_local
 from bilateral_rl.study.ray_cluster import run_on_ray

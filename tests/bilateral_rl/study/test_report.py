@@ -11,7 +11,7 @@ from PIL import Image
 
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.claims import Claim, Component, margins
-from bilateral_rl.run_folder import versions
+from bilateral_rl.runs.folder import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.report import LOG_LINES, Findings, Picture, counts_of, write_report

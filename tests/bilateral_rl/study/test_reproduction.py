@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bilateral_rl.errors import UserError
 from bilateral_rl.figures.style import new_figure
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import reproduction
 from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.jobs import JobOutcome, JobState

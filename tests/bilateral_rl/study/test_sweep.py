@@ -6,10 +6,10 @@ import json
 import pandas as pd
 import pytest
 
-from bilateral_rl.analysis.lesioning import measured_metrics
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.errors import UserError
-from bilateral_rl.resolve import resolve
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.study.lesioning import measured_metrics
 from bilateral_rl.study.sweep import (
     MAX_POINTS,
     Sweep,

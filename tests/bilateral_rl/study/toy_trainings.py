@@ -4,9 +4,9 @@ import time
 
 from toy_jobs import note
 
-from bilateral_rl.progress import Progress
-from bilateral_rl.resolve import resolve
-from bilateral_rl.training import train
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.run import train
+from bilateral_rl.training.session import Progress
 
 
 class _Noting(Progress):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from bilateral_rl.controllers import load_policy
-from bilateral_rl.evaluation import Evaluator
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
-from bilateral_rl.training import train
+from bilateral_rl.runs.policies import load_policy
+from bilateral_rl.training.run import train
 from bilateral_rl.video.cast import Actor, labels
 
 

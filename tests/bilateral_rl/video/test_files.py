@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.video import files
 from bilateral_rl.video import film as film_module
 

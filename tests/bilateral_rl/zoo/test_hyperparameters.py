@@ -5,9 +5,9 @@ from argparse import Namespace
 import pytest
 import yaml
 
+from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import ENVIRONMENT_IDS
-from bilateral_rl.resolve import resolve
-from bilateral_rl.rl_algorithms import build_algorithm, linear_schedule
+from bilateral_rl.training.build import build_algorithm, linear_schedule
 from bilateral_rl.zoo import ALGORITHMS
 from bilateral_rl.zoo.hyperparameters import FOLDER, file_for, schedule, write
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.zoo.__main__ import main
 
 

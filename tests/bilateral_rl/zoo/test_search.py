@@ -2,7 +2,7 @@
 
 import pytest
 
-from bilateral_rl.errors import UserError
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.zoo import ALGORITHMS
 
 optuna = pytest.importorskip("optuna")

@@ -81,7 +81,7 @@ def test_observations_normalized(train, zoo, tmp_path):
 
 
 def test_normalized_rewards_are_refused(train):
-    from bilateral_rl.errors import UserError
+    from bilateral_rl.io.errors import UserError
 
     with pytest.raises(UserError, match="takes a pair of rewards, which VecNormalize does not normalize"):
         train(params="normalize:True")

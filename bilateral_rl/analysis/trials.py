@@ -1,0 +1,156 @@
+"""Trials of a trained policy, and what they show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.envs.arm.physics import ACTIVATION
+from bilateral_rl.envs.measures import trial_measures
+from bilateral_rl.envs.tasks import make_task
+from bilateral_rl.envs.trial_streams import TrialStreams
+from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.threads import one_torch_thread
+from bilateral_rl.policies import MotorPolicy
+
+REPORTED_THRESHOLDS = (0.02, 0.03, 0.05)
+"""Goal radii that every report gives (m; paper section 3)."""
+
+Float = NDArray[np.float32]
+
+
+class NotFiniteError(UserError, ValueError):
+    """A network or an arm whose numbers grew out of range, so that nothing can be measured."""
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """``n`` trials of ``T`` steps."""
+
+    hand: Float
+    """(n, T + 1, 2), from the start on (m)."""
+    target: Float
+    """(n, 2) m."""
+    load: Float
+    """(n, 2) N."""
+    distance: Float
+    """(n, T), hand to target after each step (m)."""
+    start_distance: Float
+    """(n,) m."""
+    observation: Float
+    """(n, T, 16), what the policy saw before each step."""
+    excitation: Float
+    """(n, T, 6), commands in [0, 1]."""
+    activation: Float
+    """(n, T, 6), of the muscles after each step, in [0, 1]."""
+    vector_return: Float
+    """(n, 2), dominant and non-dominant."""
+    arm: ArmParameters
+    """Whose trials these are; ``arm.timestep`` is the length of a step (s)."""
+
+    def summary(self, threshold: float) -> dict[str, float]:
+        """Means over the trials, in the units that people read: percent, cm, steps."""
+        measures = trial_measures(self.distance, self.start_distance, threshold)
+        reached = measures.speed_to_goal[measures.goal_completion]
+        dominant, non_dominant = self.vector_return.mean(axis=0)
+        return {
+            "goal_completion_percent": 100 * float(measures.goal_completion.mean()),
+            "speed_to_goal_cm_per_step": 100 * float(reached.mean()) if len(reached) else float("nan"),
+            "time_in_goal_steps": float(measures.time_in_goal.mean()),
+            "final_error_cm": 100 * float(measures.final_error.mean()),
+            "return_dominant": float(dominant),
+            "return_non_dominant": float(non_dominant),
+        }
+
+    def table(self, threshold: float) -> pd.DataFrame:
+        """One row a trial, SI units."""
+        measures = trial_measures(self.distance, self.start_distance, threshold)
+        columns: dict[str, Any] = {
+            "trial": np.arange(len(self.target)),
+            "threshold_m": threshold,
+            "goal_completion": measures.goal_completion,
+            "speed_to_goal_m_per_step": measures.speed_to_goal,
+            "time_in_goal_steps": measures.time_in_goal,
+            "final_error_m": measures.final_error,
+            "start_distance_m": self.start_distance,
+            "return_dominant": self.vector_return[:, 0],
+            "return_non_dominant": self.vector_return[:, 1],
+        }
+        for name, values in (("start", self.hand[:, 0]), ("target", self.target), ("load", self.load)):
+            unit = "N" if name == "load" else "m"
+            columns |= {f"{name}_{axis}_{unit}": values[:, i] for i, axis in enumerate("xy")}
+        return pd.DataFrame(columns)
+
+
+class Evaluator:
+    """The same trials, again and again: arm i does the first trial of seed ``seed + i``.
+
+    Args:
+        task: which task.
+        settings: how trials run.
+        trials: how many.
+        seed: of the trials.
+        device: where the arms are simulated.
+    """
+
+    def __init__(self, task: str, settings: TrialSettings, trials: int, seed: int, device: str = "cpu") -> None:
+        self._batch = TrialBatch(make_task(task), settings, trials, device)
+        self._seeds = [seed + i for i in range(trials)]
+
+    def run(self, policy: MotorPolicy, deterministic: bool = True) -> TrialRecord:
+        """Every trial once, under ``policy``. Raises NotFiniteError where its actions or the arms are no numbers."""
+        with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"):
+            record = self._run(policy, deterministic)
+        if not np.isfinite(record.hand).all() or not np.isfinite(record.vector_return).all():
+            raise NotFiniteError("These trials cannot be measured: the arm that trial.arm describes leaves all bounds.")
+        return record
+
+    def _run(self, policy: MotorPolicy, deterministic: bool) -> TrialRecord:
+        batch = self._batch
+        length = batch.settings.trial_length
+        TrialStreams(batch, self._seeds).start(np.arange(batch.n, dtype=np.int32))
+        hand = np.empty((batch.n, length + 1, 2), dtype=np.float32)
+        observation = np.empty((batch.n, length, batch.observation.shape[1]), dtype=np.float32)
+        excitation, activation = np.empty((2, batch.n, length, batch.excitation.shape[1]), dtype=np.float32)
+        hand[:, 0] = batch.hand
+        for step in range(length):
+            observation[:, step] = batch.observation
+            batch.step(_action(policy, batch.observation, deterministic))
+            hand[:, step + 1] = batch.hand
+            excitation[:, step] = batch.excitation
+            activation[:, step] = batch.muscle[:, ACTIVATION]
+        return TrialRecord(
+            hand=hand,
+            target=batch.target.copy(),
+            load=batch.load.copy(),
+            distance=batch.distance.copy(),
+            start_distance=batch.start_distance.copy(),
+            observation=observation,
+            excitation=excitation,
+            activation=activation,
+            vector_return=batch.vector_return.copy(),
+            arm=batch.settings.arm,
+        )
+
+
+def _action(policy: MotorPolicy, observation: Float, deterministic: bool) -> Float:
+    try:
+        action, _ = policy.predict(observation, deterministic=deterministic)
+    except ValueError as error:
+        if "Normal" not in str(error):
+            raise
+        action = np.array(np.nan)  # torch's Gaussians refuse to be of what is not finite
+    if not np.isfinite(action).all():
+        raise NotFiniteError("This policy cannot be tested: its actions are not finite numbers.")
+    return action
+
+
+def summaries(record: TrialRecord, threshold: float) -> dict[float, dict[str, float]]:
+    """:meth:`TrialRecord.summary` at each reported threshold and at ``threshold``, by threshold (m)."""
+    return {radius: record.summary(radius) for radius in sorted({*REPORTED_THRESHOLDS, threshold})}

@@ -1,0 +1,259 @@
+"""The command line: it parses, calls the study code and prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bilateral_rl.io.errors import run_program
+from bilateral_rl.io.terminal import Terminal
+
+app = typer.Typer(
+    help="Two-hemisphere motor controllers on a six-muscle arm, trained with stable-baselines3.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+console = Terminal()
+
+RUNS = Path("runs")
+Run = Annotated[
+    str, typer.Argument(help="A run folder, such as runs/random_reach/cc_s-ppo-1, or RUN:SEED for one seed of it.")
+]
+Out = Annotated[Path, typer.Option(help="Folder of all runs.")]
+
+
+@app.command()
+def train(
+    algo: Annotated[
+        str | None, typer.Option(help="ppo, a2c, sac, td3, or bptt (supervised, as in the paper).", show_default="ppo")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="uni_b, uni_dl, uni_ndl, bi_ns, bi_s, cc_ns or cc_s.", show_default="cc_s")
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
+    ] = None,
+    timesteps: Annotated[
+        int | None, typer.Option(help="Environment steps, over all arms (not bptt).", show_default="12000000 by ppo")
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="At most so many (bptt).", show_default="100")] = None,
+    seeds: Annotated[
+        int | None, typer.Option(help="Networks to train at once, of --seed and up (bptt).", show_default="1")
+    ] = None,
+    profile: Annotated[
+        str | None,
+        typer.Option(help="Weight penalty: paper, or released for its code's (bptt).", show_default="paper"),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.", show_default="0")] = None,
+    n_envs: Annotated[
+        int | None, typer.Option(help="Arms simulated at once (not bptt).", show_default="1024 by ppo")
+    ] = None,
+    units: Annotated[
+        int | None, typer.Option(help="Units per hidden layer, over both sides.", show_default="10")
+    ] = None,
+    layers: Annotated[int | None, typer.Option(help="Hidden layers.", show_default="2")] = None,
+    threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).", show_default="0.05")] = None,
+    device: Annotated[str | None, typer.Option(help="cpu or cuda.", show_default="cpu")] = None,
+    init_from: Annotated[
+        str | None, typer.Option(metavar="RUN[:SEED]", help="Begin with this run's network, whatever trained it.")
+    ] = None,
+    track: Annotated[
+        bool | None,
+        typer.Option("--track/--no-track", help="Log to Weights & Biases too (extra: track).", show_default="no"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of all runs.", show_default="runs")] = None,
+    config: Annotated[Path | None, typer.Option(help="Settings from a YAML or JSON file.")] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Go on with this run; only --timesteps or --epochs, --device and --track go with it."),
+    ] = None,
+) -> None:
+    """Train a model. The bare command trains cc_s to reach with PPO, in a few minutes."""
+    from bilateral_rl.commands import train as command
+
+    flags: dict[str, Any] = {
+        "timesteps": timesteps, "epochs": epochs, "seeds": seeds, "profile": profile,
+        "seed": seed, "n_envs": n_envs, "device": device, "init_from": init_from, "track": track,
+        "network.units": units, "network.layers": layers, "trial.threshold": threshold,
+    }  # fmt: skip
+    if resume is not None:
+        given = {
+            **flags,
+            "algo": algo,
+            "model": model,
+            "task": task,
+            "config": config,
+            "set": overrides or None,
+            "out": out,
+        }
+        command.resume(resume, given, console)
+        return
+    command.train(algo, model, task, flags, config, overrides or [], out or RUNS, console)
+
+
+@app.command()
+def evaluate(
+    run: Run,
+    trials: Annotated[int, typer.Option(help="How many trials.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    deterministic: Annotated[bool, typer.Option(help="Act by the mean, not by sampling.")] = True,
+    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
+    csv: Annotated[Path | None, typer.Option(help="Write one row a trial here; - is the terminal.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write the table here; - is the terminal.")] = None,
+) -> None:
+    """Test a trained model and print its measures at goal radii of 2, 3 and 5 cm and its own."""
+    from bilateral_rl.commands import evaluate as command
+
+    command.evaluate(run, trials, seed, deterministic, weights, csv, json, console)
+
+
+@app.command()
+def lesion(
+    run: Run,
+    lesions: Annotated[
+        list[str] | None,
+        typer.Option("--lesion", help="Only this one; may be repeated.", show_default="all that the model can have"),
+    ] = None,
+    retrain: Annotated[bool, typer.Option(help="Also train the output layer for one epoch in each state.")] = True,
+    profile: Annotated[
+        str | None,
+        typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
+    out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="RUN-lesions")] = None,
+) -> None:
+    """Lesion a trained model in every way it can be, each without and with an epoch of retraining."""
+    from bilateral_rl.commands import lesion as command
+
+    command.lesion(run, lesions, retrain, profile, trials, seed, weights, out, console)
+
+
+@app.command()
+def compare(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="Two or more; or one, to compare its lesions.")],
+    metrics: Annotated[
+        list[str] | None,
+        typer.Option("--metric", help="Such as effort; may be repeated.", show_default="the task's preferred one"),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of each test (of models).")] = 1024,
+    seed: Annotated[int, typer.Option(help="Of the trials (of models).")] = 2_000_000,
+    csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
+) -> None:
+    """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""
+    from bilateral_rl.commands import compare as command
+
+    command.compare_runs(runs, metrics, trials, seed, csv, console)
+
+
+@app.command()
+def render(
+    runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="One run or several side by side; RUN:SEED.")],
+    out: Annotated[Path | None, typer.Option(help="An .mp4 or .gif file.", show_default="RUN.mp4")] = None,
+    trials: Annotated[int, typer.Option(help="How many, one after another.")] = 4,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",
+    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the runs.")] = "final",
+    slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
+    size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
+) -> None:
+    """Make a video of trained models doing the same trials, muscles colored by activation."""
+    from bilateral_rl.commands.render import render as command
+
+    command(runs, out, trials, seed, lesion, weights, slow_down, size, console)
+
+
+@app.command()
+def reproduce(
+    algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo, a2c, sac, td3.")] = "bptt",
+    profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
+    seeds: Annotated[int | None, typer.Option(help="Networks of each model.", show_default="10; 3 if quick")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A preview: 3 seeds, short trainings.")] = False,
+    jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray)."),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the study.", show_default="runs/reproduce-…")] = None,
+) -> None:
+    """Reproduce the whole paper: seven models, two tasks, lesions, statistics, figures, and a report with verdicts."""
+    from bilateral_rl.commands import reproduce as command
+
+    command.reproduce(algo, profile, seeds, quick, jobs, ray, overrides or [], out, console)
+
+
+@app.command()
+def sweep(
+    grid: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=V,V,…", help="A setting and its values; may be repeated. model and task are two."),
+    ],
+    algo: Annotated[str, typer.Option(help="bptt, ppo, a2c, sac or td3.")] = "bptt",
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
+    ] = None,
+    metrics: Annotated[
+        list[str] | None,
+        typer.Option("--metric", help="To print, such as time_in_goal_1cm; may be repeated."),
+    ] = None,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
+    jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
+    ray: Annotated[
+        str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the sweep.", show_default="runs/sweep")] = None,
+) -> None:
+    """Train at every point of a grid of settings, and show what came out side by side."""
+    from bilateral_rl.commands import sweep as command
+
+    command.sweep(algo, grid, overrides or [], metrics, trials, jobs, ray, out, console)
+
+
+@app.command("import")
+def import_(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL.zip", help="Saved by stable-baselines3, with a policy of bilateral_rl.")
+    ],
+    task: Annotated[str, typer.Option(help="What it was trained for: random_reach or hold_position.")],
+    trust_pickle: Annotated[
+        bool, typer.Option("--trust-pickle", help="Load it although that executes whatever its author wants.")
+    ] = False,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="What the file does not tell, such as trial.threshold=0.03."),
+    ] = None,
+    out: Out = RUNS,
+) -> None:
+    """Make a run of a model saved by stable-baselines3, so that every other command can take it."""
+    from bilateral_rl.commands import import_model as command
+
+    command.import_zip(model, task, trust_pickle, overrides or [], out, console)
+
+
+@app.command("list")
+def list_(out: Out = RUNS) -> None:
+    """Show the models, tasks and algorithms there are, and the runs made so far."""
+    from bilateral_rl.commands import list as command
+
+    command.list_all(out, console)
+
+
+def main() -> None:
+    """Entry point of ``bilateral-rl``."""
+    run_program(app)
+
+
+if __name__ == "__main__":
+    main()

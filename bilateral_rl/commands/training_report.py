@@ -1,0 +1,126 @@
+"""What people see on the terminal: how a training comes along, and what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from bilateral_rl.analysis.trials import TrialRecord, summaries
+from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.training import session as progress
+
+
+class TrainingProgress(progress.Progress):
+    """A bar with the remaining time and the present goal completion; lines where there is no terminal."""
+
+    def __init__(self, config: TrainConfig, console: Console) -> None:
+        self._config, self._console = config, console
+        self._draws = console.is_terminal and not console.is_dumb_terminal
+        self._bar = Progress(
+            TextColumn("[bold]training"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            TextColumn("left"),
+            TextColumn("{task.fields[goal]}"),
+            TextColumn("{task.fields[speed]}"),
+            console=console,
+            disable=not self._draws,
+        )
+        self._task = self._bar.add_task("train", total=config.total, start=False, speed="", goal="")
+        self._announced = False
+
+    def __enter__(self) -> TrainingProgress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._announced:
+            self._bar.stop()
+
+    def announce(self) -> None:
+        """Say what begins, at the latest when it does; before that, it may still be refused."""
+        if not self._announced:
+            self._announced = True
+            self._console.print(training_title(self._config))
+            self._bar.start()
+
+    def on_start(self, done: int) -> None:
+        self.announce()
+        self._bar.reset(self._task, completed=done)
+
+    def on_step(self, done: int) -> None:
+        speed = self._bar.tasks[self._task].speed
+        self._bar.update(self._task, completed=done, speed=self._speed(speed) if speed else "")
+
+    def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
+        goal = f"goal {measures['goal_completion_percent']:.0f} %"
+        inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
+        where = f"{done:>12,} steps"
+        if isinstance(self._config, BPTTConfig):
+            epoch = done // self._config.updates_per_epoch
+            training = f"{measures['seeds_training']:.0f} of {self._config.seeds} seeds training"
+            where = f"epoch {epoch:>3}, {training}, validation loss {measures['validation_loss']:.3f}"
+            goal = f"epoch {epoch}, {training}, {goal}" if self._draws else goal
+        self._bar.update(self._task, goal=goal)
+        if not self._draws:
+            error = f"final error {measures['final_error_cm']:.1f} cm"
+            self._console.print(f"{where}: {goal}, {inside}, {error}", highlight=False, soft_wrap=True)
+
+    def _speed(self, speed: float) -> str:
+        if isinstance(self._config, BPTTConfig):
+            return f"{speed:.0f} updates/s"
+        return f"{speed / 1000:.0f} k steps/s"
+
+
+def training_title(config: TrainConfig) -> str:
+    """What a training is about to do, with markup."""
+    head = f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}: "
+    if isinstance(config, BPTTConfig):
+        last = config.seed + config.seeds - 1
+        seeds = f"seed {config.seed}" if config.seeds == 1 else f"seeds {config.seed} to {last} side by side"
+        return f"{head}up to {config.epochs} epochs of {config.bptt.trials:,} trials, {seeds}. Ctrl-C stops and saves."
+    assert isinstance(config, RLConfig)
+    return f"{head}{config.timesteps:,} steps of {config.n_envs} arms, seed {config.seed}. Ctrl-C stops and saves."
+
+
+def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, title: str) -> Table:
+    """Measures at every reported goal radius: of the one seed, or mean ± standard deviation over the seeds."""
+    table = Table("goal radius", title=escape(title), title_justify="left")
+    for column in ("goal completion", "speed to goal", "time in goal"):
+        table.add_column(column, justify="right")
+    rows = [summaries(record, config.trial.threshold) for record in records.values()]
+    for radius in rows[0]:
+        values = [row[radius] for row in rows]
+        own = "[bold]" if math.isclose(radius, config.trial.threshold) else ""
+        table.add_row(
+            f"{own}{100 * radius:g} cm",
+            f"{own}{_spread(values, 'goal_completion_percent', 1)} %",
+            f"{own}{_speed_to_goal(values)}",
+            f"{own}{_spread(values, 'time_in_goal_steps', 1)} of {config.trial.trial_length} steps",
+        )
+    values = [row[config.trial.threshold] for row in rows]
+    table.caption = (
+        f"final error {_spread(values, 'final_error_cm', 1)} cm; return: dominant "
+        f"{_spread(values, 'return_dominant', 1)}, non-dominant {_spread(values, 'return_non_dominant', 1)}"
+    )
+    if len(records) > 1:
+        table.caption += f"; mean ± standard deviation over {len(records)} seeds"
+    return table
+
+
+def _spread(values: list[dict[str, float]], name: str, digits: int) -> str:
+    numbers = np.array([value[name] for value in values])
+    mean = f"{numbers.mean():.{digits}f}"
+    return mean if len(numbers) == 1 else f"{mean} ± {numbers.std(ddof=1):.{digits}f}"
+
+
+def _speed_to_goal(values: list[dict[str, float]]) -> str:
+    reached = [value for value in values if value["speed_to_goal_cm_per_step"] > 0]
+    # nan: never reached; 0: a hold starts there
+    return f"{_spread(reached, 'speed_to_goal_cm_per_step', 2)} cm/step" if reached else "–"

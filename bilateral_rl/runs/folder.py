@@ -1,0 +1,266 @@
+"""The folder of one training run: what is in it, written whole or not at all, read without executing anything."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import importlib.metadata
+import json
+import os
+import platform
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+
+from bilateral_rl.config import parse as settings
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io import files
+from bilateral_rl.io import tensors as tensor_files
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
+from bilateral_rl.io.tensors import Tensors
+
+FINAL, BEST = "final", "best"
+"""Names of weights."""
+RUNNING, FINISHED, INTERRUPTED, FAILED, IMPORTED = "running", "finished", "interrupted", "failed", "imported"
+"""States of a run."""
+LARGEST_JSON, LARGEST_WEIGHTS, LARGEST_RESUME = 2**20, 2**30, 2**32
+"""Bytes: the most that a configuration within bounds comes to."""
+MOST_STEPS = 2**63
+"""Of any count in ``status.json``."""
+
+_PACKAGES = ("gymnasium", "numpy", "safetensors", "stable-baselines3", "torch", "warp-lang")
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """``<out>/<task>/<model>-<algo>-<n>/``.
+
+    It may be somebody else's. Whatever is read here is data and nothing else, of a size that it can have, and lies in
+    the folder.
+    """
+
+    path: Path
+
+    @classmethod
+    def create(cls, out: Path, config: TrainConfig) -> RunFolder:
+        """Make the next free folder and write the configuration and versions. Raises UserError if it cannot."""
+        parent = out / config.task
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            folder = cls(_next_free(parent, f"{config.model}-{config.algo}"))
+            with _removed_if_it_fails(folder.path):
+                (folder.path / "weights").mkdir()
+                folder.write_config(config)
+                folder.write_json("versions.json", versions())
+        except OSError as error:
+            raise UserError(f"Cannot write a run under {out}: {error.strerror}. Choose another --out.") from None
+        return folder
+
+    @classmethod
+    def open(cls, path: Path) -> RunFolder:
+        """An existing run. Raises UserError if it is missing or is no run."""
+        try:
+            is_folder, is_zip = path.is_dir(), path.suffix.lower() == ".zip" and path.is_file()
+            is_run = (path / "config.yaml").is_file()
+        except OSError as error:
+            raise UserError(f"There is no run {path}: {error.strerror}.") from None
+        if is_zip:
+            raise UserError(f"{path} is no run but a model; make one of it with `bilateral-rl import`.")
+        if not is_folder:
+            raise UserError(f"There is no run {path}; `bilateral-rl list` shows those there are.")
+        if not is_run:
+            raise UserError(f"{path} is not a run: it has no config.yaml. `bilateral-rl list` shows those there are.")
+        return cls(path)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """A context in which this process alone trains into the folder; however it ends, so does the lock.
+
+        Raises:
+            UserError: another training holds the lock, or the folder cannot be written, or not without harm to other
+                things (:func:`bilateral_rl.io.files.refuse_traps`).
+        """
+        files.refuse_traps(self.path)
+        path = self.path / ".lock"
+        try:
+            handle = _lock(path)
+        except BlockingIOError:
+            raise UserError(f"Another training is writing into {self.path}; wait for its end, or stop it.") from None
+        except OSError as error:
+            raise UserError(f"Cannot write {self.path}: {error.strerror}.") from None
+        try:
+            yield
+        finally:
+            if _is_at(path, handle):
+                with contextlib.suppress(OSError):
+                    path.unlink()  # while it is held: who has opened it sees that it is gone
+            os.close(handle)
+
+    def write_config(self, config: TrainConfig) -> None:
+        """Write ``config.yaml``."""
+        self.write_text("config.yaml", yaml.safe_dump(config.to_values(), sort_keys=False))
+
+    def config(self) -> TrainConfig:
+        """The resolved configuration. Raises UserError if it is damaged."""
+        values = settings.load_file(self.path / "config.yaml", within=self.path)
+        try:
+            return resolve(None, None, [values])
+        except UserError as error:
+            raise UserError(f"{self.path / 'config.yaml'} describes no training: {error}") from None
+
+    def status(self) -> dict[str, Any]:
+        """``status.json``: state, weights and how far it came; or an empty dictionary. Raises UserError if damaged."""
+        status = self.read_json("status.json", default={})
+        types = {"state": str, "timesteps": int, "epochs": int, "updates": int, "weights": str, "seeds": list}
+        if (
+            not isinstance(status, dict)
+            or any(type(status.get(name, kind())) is not kind for name, kind in types.items())
+            or any(not 0 <= status.get(name, 0) < MOST_STEPS for name, kind in types.items() if kind is int)
+        ):
+            raise UserError(f"{self.path / 'status.json'} is damaged: it does not say how far the training came.")
+        return status
+
+    def save_weights(self, name: str, tensors: Tensors) -> None:
+        """Write ``weights/<name>.safetensors``."""
+        self._write_tensors(f"weights/{name}.safetensors", tensors)
+
+    def load_weights(self, name: str) -> Tensors:
+        """Read ``weights/<name>.safetensors``. Raises UserError if it is missing, damaged or not finite."""
+        names = self.weight_names()
+        path = self.path / "weights" / f"{name}.safetensors"
+        try:
+            if name not in names:  # nor are names that lead elsewhere
+                raise FileNotFoundError
+            tensors = tensor_files.load(path, LARGEST_WEIGHTS, within=self.path)
+        except FileNotFoundError:
+            raise UserError(f"{path} does not exist; the run's weights are: {', '.join(names) or 'none'}.") from None
+        broken = [key for key, tensor in tensors.items() if tensor.is_floating_point() and not tensor.isfinite().all()]
+        if broken:
+            raise UserError(f"The weights {name} of {self.path} are not finite numbers in {', '.join(broken)}.")
+        return tensors
+
+    def weight_names(self) -> list[str]:
+        """Names that :meth:`load_weights` takes."""
+        return sorted(path.stem for path in (self.path / "weights").glob("*.safetensors"))
+
+    def save_resume(self, tensors: Tensors) -> None:
+        """Write what ``--resume`` needs beside the weights."""
+        self._write_tensors("resume.safetensors", tensors)
+
+    def load_resume(self) -> Tensors:
+        """What :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
+        path = self.path / "resume.safetensors"
+        try:
+            return tensor_files.load(path, LARGEST_RESUME, within=self.path)
+        except FileNotFoundError:
+            raise UserError(f"{path} does not exist, and without it the training cannot go on.") from None
+
+    def write_json(self, name: str, values: Any) -> None:
+        """Write ``name`` as JSON."""
+        self.write_text(name, json.dumps(values, indent=2) + "\n")
+
+    def read_json(self, name: str, default: Any = None) -> Any:
+        """``name`` as JSON, or ``default`` if it is missing. Raises UserError if it is damaged."""
+        path = self.path / name
+        try:
+            return json.loads(files.read(path, LARGEST_JSON, within=self.path))
+        except FileNotFoundError:
+            return default
+        except (ValueError, RecursionError) as error:
+            raise UserError(f"{path} is damaged: {error}.") from None
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write ``name`` whole or not at all."""
+        with replacing(self.path / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    def _write_tensors(self, name: str, tensors: Tensors) -> None:
+        with replacing(self.path / name) as temporary:
+            tensor_files.save(tensors, temporary)
+
+
+def find_runs(out: Path) -> list[RunFolder]:
+    """Every run below ``out``, oldest first within each task and model."""
+    return [RunFolder(path.parent) for path in sorted(out.glob("*/*/config.yaml"), key=_natural)]
+
+
+def versions() -> dict[str, Any]:
+    """Versions of what computes, the git commit if the code is in a checkout, and the machine."""
+    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
+    from bilateral_rl import __version__
+
+    return {
+        "bilateral-rl": __version__,
+        "commit": _git_commit(),
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "torch_device": torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu",
+        **packages,
+    }
+
+
+def _lock(path: Path) -> int:
+    """A handle of ``path`` that holds an exclusive lock. Raises BlockingIOError if another one does."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(path, handle):
+                return handle
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)  # it was removed in between by the one that held it
+
+
+def _is_at(path: Path, handle: int) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat(follow_symlinks=False))
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def _removed_if_it_fails(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _git_commit() -> str | None:
+    here = Path(__file__).resolve().parent
+    if not (here.parent / "pyproject.toml").is_file():
+        return None  # installed: a repository around it would be somebody else's
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _next_free(parent: Path, stem: str) -> Path:
+    taken = [path.name.removeprefix(f"{stem}-") for path in parent.glob(f"{stem}-*")]
+    number = max((int(n) for n in taken if n.isdecimal()), default=0) + 1
+    while True:
+        path = parent / f"{stem}-{number}"
+        try:
+            path.mkdir()
+        except FileExistsError:  # another training took it just now
+            number += 1
+        else:
+            return path
+
+
+def _natural(path: Path) -> tuple[str, str, int]:
+    stem, _, number = path.parent.name.rpartition("-")
+    return path.parent.parent.name, stem, int(number) if number.isdecimal() else 0

@@ -1,0 +1,220 @@
+"""Trained networks and policies, out of run folders: any seed of any run, whatever trained it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from gymnasium import spaces
+from torch import Tensor, nn
+
+from bilateral_rl.algorithms import ALGORITHM_CLASSES
+from bilateral_rl.config.catalogue import find_model
+from bilateral_rl.config.schema import ActorCriticConfig, BPTTConfig, OffPolicyConfig, RLConfig, TrainConfig
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.tensors import Tensors
+from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
+from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.runs.folder import FINAL, RunFolder
+from bilateral_rl.vocabulary import stream_mix
+
+_MOST_DIGITS = 10
+"""Of a seed."""
+
+SEEDS = "seeds"
+"""In the weights of a stacked run, the tensor (S,) of its seeds; every other tensor has a leading axis of them."""
+
+
+def parse_run(text: str) -> tuple[RunFolder, int | None]:
+    """The run that RUN or RUN:seed names, and the seed if one is named. Raises UserError for what is no run."""
+    path, colon, seed = text.rpartition(":")
+    has_seed = colon and seed.isdecimal() and len(seed) <= _MOST_DIGITS
+    if has_seed and not os.path.exists(text):  # noqa: PTH110 - which never raises
+        return RunFolder.open(Path(path)), int(seed)
+    return RunFolder.open(Path(text)), None
+
+
+def build_network(config: TrainConfig) -> MotorNetwork:
+    """A fresh network of the run's architecture and sizes, from torch's random state."""
+    low, _ = config.trial.observation_bounds()
+    network = config.network
+    return make_network(find_model(config.model).architecture, len(low), N_MUSCLES, network.units, network.layers)
+
+
+def build_policy(config: TrainConfig) -> MotorPolicy:
+    """An untrained policy of the run's architecture and sizes, on the CPU."""
+    low, high = config.trial.observation_bounds()
+    return policy_class(config)(
+        spaces.Box(low, high),
+        spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
+        lr_schedule=lambda _: 0.0,
+        n_streams=len(stream_mix(find_model(config.model).loss)),
+        **policy_arguments(config),
+    )
+
+
+def policy_class(config: TrainConfig) -> type[MotorPolicy]:
+    """The class of the run's policy; a supervised run's network acts in that of PPO and A2C."""
+    algorithm = ALGORITHM_CLASSES.get(config.algo)
+    return BilateralActorCriticPolicy if algorithm is None else algorithm.POLICY_CLASS
+
+
+def policy_arguments(config: TrainConfig) -> dict[str, Any]:
+    """Keyword arguments of the run's policy, but for the number of streams."""
+    network = config.network
+    critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
+    arguments = {
+        "architecture": find_model(config.model).architecture,
+        "units": network.units,
+        "layers": network.layers,
+        "critic_arch": critics.critic_arch,
+        "log_std_init": critics.log_std_init,
+    }
+    if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyConfig):
+        arguments["n_critics"] = config.hyperparameters.n_critics
+    return arguments
+
+
+def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors]:
+    """The ``state_dict()`` of a run's network by seed. Raises UserError if its weights are missing or do not fit."""
+    config = folder.config()
+    tensors = folder.load_weights(weights)
+    if isinstance(config, BPTTConfig):
+        states = _unstack(tensors, config, folder)
+    else:
+        key = policy_class(config).NETWORK_KEY
+        states = {config.seed: {k.removeprefix(key): v for k, v in tensors.items() if k.startswith(key)}}
+    network = build_network(config)
+    for state in states.values():
+        _check_fit(network, state, folder)
+    return states
+
+
+def load_policies(folder: RunFolder, weights: str = FINAL, seed: int | None = None) -> dict[int, MotorPolicy]:
+    """The policies of a run by seed, ready to act.
+
+    A policy of a supervised run has that run's network and fresh critics.
+
+    Args:
+        folder: the run.
+        weights: which of its weights.
+        seed: the only one wanted; None for all.
+
+    Raises:
+        UserError: weights that are missing, damaged or of another shape, or a seed that the run has not.
+    """
+    config = folder.config()
+    seeds = config.all_seeds
+    if seed is not None and seed not in seeds:
+        raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(seeds)}.")
+    wanted = seeds if seed is None else [seed]
+    policies: dict[int, MotorPolicy] = {}
+    states = network_states(folder, weights) if isinstance(config, BPTTConfig) else {}
+    for one in wanted:
+        policy = build_policy(config)
+        if states:
+            policy.motor_network.load_state_dict(states[one])
+        else:
+            load_policy_weights(policy, folder.load_weights(weights), folder)
+        policy.set_training_mode(False)
+        policies[one] = policy
+    return policies
+
+
+def load_policy(run: RunFolder | str | Path, weights: str = FINAL, seed: int | None = None) -> MotorPolicy:
+    """The one policy of a run, or that of one of its seeds.
+
+    Args:
+        run: the run, or RUN or RUN:seed as in commands.
+        weights: which of its weights.
+        seed: the one wanted of several.
+
+    Raises:
+        UserError: as :func:`load_policies`, or if there are several and none is named.
+    """
+    if not isinstance(run, RunFolder):
+        run, named = parse_run(str(run))
+        seed = named if seed is None else seed
+    policies = load_policies(run, weights, seed)
+    if len(policies) > 1:
+        seeds = _ranges(list(policies))
+        raise UserError(f"{run.path} has {seeds}: say which one, as {run.path}:{min(policies)}.")
+    return next(iter(policies.values()))
+
+
+def load_policy_weights(policy: MotorPolicy, tensors: dict[str, Tensor], folder: RunFolder) -> None:
+    """Copy ``tensors`` into ``policy``. Raises UserError where names or shapes do not fit."""
+    _check_fit(policy, tensors, folder)
+    policy.load_state_dict(tensors)
+
+
+def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
+    """The networks that ``config.init_from`` names, for each seed of ``config``; None for fresh ones.
+
+    Every seed begins with the network of the seed that is named, or of the run's only one, or of its own number.
+
+    Raises:
+        UserError: a run, seed or network that does not fit.
+    """
+    if config.init_from is None:
+        return None
+    folder, seed = parse_run(config.init_from)
+    source = folder.config()
+    own, other = find_model(config.model).architecture, find_model(source.model).architecture
+    sizes = [(c.network.units, c.network.layers) for c in (config, source)]
+    if own != other or sizes[0] != sizes[1]:
+        raise UserError(
+            f"{folder.path} holds {other} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and {config.model} "
+            f"here is {own}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from needs the same."
+        )
+    states = network_states(folder)
+    if seed is None and len(states) == 1:
+        (seed,) = states
+    if seed is not None and seed not in states:
+        raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(list(states))}.")
+    missing = [s for s in config.all_seeds if s not in states]
+    if seed is None and missing:
+        raise UserError(
+            f"{folder.path} has {_ranges(list(states))}, not {missing[0]}: name one, as {folder.path}:{min(states)}."
+        )
+    return {s: states[s if seed is None else seed] for s in config.all_seeds}
+
+
+def stack_states(states: Mapping[int, Tensors]) -> Tensors:
+    """The weights of a stacked run from the ``state_dict()`` of each seed."""
+    names = next(iter(states.values()))
+    stacked = {name: torch.stack([state[name] for state in states.values()]) for name in names}
+    return {SEEDS: torch.tensor(list(states)), **stacked}
+
+
+def _unstack(tensors: Tensors, config: TrainConfig, folder: RunFolder) -> dict[int, Tensors]:
+    seeds = config.all_seeds
+    tensors = dict(tensors)
+    stored = tensors.pop(SEEDS, torch.empty(0))
+    if (
+        stored.shape != (len(seeds),)
+        or stored.tolist() != seeds
+        or any(t.ndim < 1 or len(t) != len(seeds) for t in tensors.values())
+    ):
+        raise UserError(f"The weights of {folder.path} are not those of its seeds, {_ranges(seeds)}.")
+    return {seed: {name: tensor[i] for name, tensor in tensors.items()} for i, seed in enumerate(seeds)}
+
+
+def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
+    own = module.state_dict()
+    wrong = sorted({*own} ^ {*tensors}) or [name for name in own if not _is_like(tensors[name], own[name])]
+    if wrong:
+        raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
+
+
+def _is_like(tensor: Tensor, other: Tensor) -> bool:
+    return tensor.shape == other.shape and tensor.dtype == other.dtype
+
+
+def _ranges(seeds: list[int]) -> str:
+    """Consecutive seeds in words."""
+    return f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {min(seeds)} to {max(seeds)}"

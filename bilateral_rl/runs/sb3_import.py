@@ -1,0 +1,165 @@
+"""Runs made of models that stable-baselines3 saved: zip files, which execute code when they are loaded."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.save_util import load_from_zip_file
+
+from bilateral_rl.algorithms import ALGORITHM_CLASSES
+from bilateral_rl.config.catalogue import MODELS
+from bilateral_rl.config.parse import Values
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import CONFIGS, RLConfig, TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.tensors import Tensors
+from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.runs.folder import FINAL, IMPORTED, RunFolder
+from bilateral_rl.runs.policies import build_policy
+
+
+@dataclass(frozen=True)
+class SavedModel:
+    """What ``model.save`` of a stable-baselines3 algorithm wrote, with a policy of this package.
+
+    Args:
+        path: the file.
+        data: attributes of the algorithm by name.
+        weights: ``state_dict()`` of the policy.
+    """
+
+    path: Path
+    data: Mapping[str, Any]
+    weights: Tensors
+
+    @classmethod
+    def load(cls, path: Path) -> SavedModel:
+        """Read ``path``, which executes whatever it holds. Raises UserError if it is no such model."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of attributes that another version pickled, and nobody needs here
+                data, parameters, _ = load_from_zip_file(path, device="cpu")
+            return cls(path, dict(data or {}), dict(parameters["policy"]))
+        except Exception as error:  # pickles raise anything
+            raise UserError(f"{path} is no model saved by stable-baselines3: {error!r}.") from None
+
+    @property
+    def algo(self) -> str:
+        """What ``--algo`` calls the algorithm. Raises UserError for a policy that is none of ours."""
+        policy = self.data.get("policy_class")
+        fit = [name for name, algorithm in ALGORITHM_CLASSES.items() if _is_a(policy, algorithm.POLICY_CLASS)]
+        if not fit:
+            name = getattr(policy, "__name__", policy)
+            raise UserError(f"{self.path} has the policy {name}; only those of bilateral_rl have hemispheres.")
+        if fit == ["ppo", "a2c"]:
+            return "ppo" if "clip_range" in self.data else "a2c"
+        return fit[0]
+
+    def policy(self) -> MotorPolicy:
+        """The policy, trained. Raises UserError if it cannot be built or does not act on the arm."""
+        self._check_spaces()
+        try:
+            policy: MotorPolicy = self.data["policy_class"](
+                self.data["observation_space"],
+                self.data["action_space"],
+                lr_schedule=lambda _: 0.0,
+                **self.data.get("policy_kwargs", {}),
+            )
+            policy.load_state_dict(self.weights)
+        except Exception as error:  # as above
+            raise UserError(f"The policy of {self.path} cannot be built: {error!r}.") from None
+        broken = [name for name, tensor in self.weights.items() if not tensor.isfinite().all()]
+        if broken:
+            raise UserError(f"The weights of {self.path} are not finite numbers in {', '.join(broken)}.")
+        return policy
+
+    def config(self, task: str, overrides: Mapping[str, Any]) -> TrainConfig:
+        """The configuration of a run with this policy, as far as the model tells, with ``overrides`` over it.
+
+        Raises UserError where there is none.
+        """
+        algo, policy = self.algo, self.policy()
+        network = policy.motor_network
+        trained_by = self.data.get("loss", "combined")
+        names = [n for n, m in MODELS.items() if (m.architecture, m.loss) == (network.architecture, trained_by)]
+        if not names:
+            raise UserError(f"{self.path} is {network.architecture}, trained by {trained_by}: there is no such model.")
+        own: Values = {
+            "model": names[0],
+            "seed": self.data.get("seed") or 0,
+            "timesteps": max(self.data.get("num_timesteps", 0), 1),
+            "n_envs": self.data.get("n_envs", 1),
+            "network": {
+                "units": network.units,
+                "layers": network.layers,
+                "critic_arch": getattr(policy, "critic_arch", ()),
+                "log_std_init": self.data.get("policy_kwargs", {}).get("log_std_init", 0.0),
+            },
+            algo: self._hyperparameters(algo, policy),
+        }
+        return resolve(algo, task, [own, overrides])
+
+    def _hyperparameters(self, algo: str, policy: MotorPolicy) -> Values:
+        """Those of the algorithm that are plain numbers, or schedules of them."""
+        config = CONFIGS[algo]()
+        assert isinstance(config, RLConfig)
+        names = [field.name for field in dataclasses.fields(config.hyperparameters)]
+        of_stock = {"weight_penalty": 0.0, "reward_scale": 1.0}
+        given = {**of_stock, **self.data, "n_critics": getattr(policy, "n_critics", None)}
+        found = {name: _number(given.get(name), 1.0) for name in names}
+        final = {name: _number(given.get(name.removeprefix("final_")), 0.0) for name in names if "final_" in name}
+        return {name: value for name, value in (found | final).items() if value is not None}
+
+    def _check_spaces(self) -> None:
+        """Raise a UserError unless they are those of the arm."""
+        low, _ = TrainConfig().trial.observation_bounds()
+        observed, commanded = self.data.get("observation_space"), self.data.get("action_space")
+        muscles = spaces.Box(-1.0, 1.0, (6,))
+        if getattr(observed, "shape", None) != low.shape or not _is_same_box(commanded, muscles):
+            raise UserError(
+                f"{self.path} does not act on the arm: it observes {observed} and commands {commanded}, not "
+                f"{len(low)} numbers and {len(muscles.low)} muscles from -1 to 1."
+            )
+
+
+def import_model(path: Path, task: str, overrides: Mapping[str, Any], out: Path) -> RunFolder:
+    """Make a run below ``out`` of the model that stable-baselines3 saved as ``path``; loading it executes code.
+
+    Raises:
+        UserError: what is no model of ours, does not fit the arm or the settings, or cannot be written.
+    """
+    model = SavedModel.load(path)
+    config = model.config(task, overrides)
+    try:
+        build_policy(config).load_state_dict(model.weights)
+    except RuntimeError:
+        raise UserError(f"The policy of {path} has parts that no run has, or not of this size.") from None
+    folder = RunFolder.create(out, config)
+    folder.save_weights(FINAL, model.weights)
+    status = {"state": IMPORTED, "timesteps": model.data.get("num_timesteps", 0), "weights": FINAL}
+    folder.write_json("status.json", status | {"imported_from": path.name})
+    return folder
+
+
+def _is_a(policy: object, cls: type) -> bool:
+    return isinstance(policy, type) and issubclass(policy, cls)
+
+
+def _is_same_box(space: object, box: spaces.Box) -> bool:
+    if not isinstance(space, spaces.Box):
+        return False
+    return np.array_equal(space.low, box.low) and np.array_equal(space.high, box.high)
+
+
+def _number(value: Any, remaining: float) -> float | int | None:
+    """A number, or what a schedule gives where this share of the training remains; None for anything else."""
+    value = getattr(value, "frequency", value)  # of training
+    value = value(remaining) if callable(value) else value
+    return value if isinstance(value, (int, float)) else None

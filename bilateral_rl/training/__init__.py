@@ -1,0 +1,1 @@
+"""A training from its start or resume to its end."""

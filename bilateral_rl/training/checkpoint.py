@@ -1,0 +1,276 @@
+"""Everything that the rest of a reinforcement learning depends on, as named tensors: whatever SB3 algorithm it is.
+
+Taken between two iterations of ``learn`` (``_on_rollout_start`` of a callback) and restored into a newly built
+algorithm, it goes on to the same bits. Rollouts of on-policy algorithms are empty there and need no saving.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from torch import Tensor, nn
+
+from bilateral_rl.io.tensors import DTYPES, Tensors
+from bilateral_rl.training.random_states import random_states, set_random_states
+
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+
+
+def state_tensors(algorithm: BaseAlgorithm) -> Tensors:
+    """The state by name, ``<part>.<name>``. Some tensors are live views: save or copy them before going on.
+
+    The algorithm's environment must have ``state_arrays``, as :class:`~bilateral_rl.envs.ArmVecEnv` has.
+    """
+    return join({part: read(algorithm) for part, (read, _) in _PARTS.items()})
+
+
+def restore(algorithm: BaseAlgorithm, tensors: Mapping[str, Tensor]) -> None:
+    """Put a newly built ``algorithm`` where :func:`state_tensors` was called; go on without ``reset_num_timesteps``.
+
+    Raises:
+        ValueError: what is no state of such a training; the algorithm is then of no more use.
+    """
+    check(tensors)
+    parts = split(tensors)
+    if unknown := sorted({*parts} - {*_PARTS}):
+        raise ValueError(f"it holds an unknown {unknown[0]!r}")
+    algorithm._setup_learn(1)  # makes what only learning makes: buffers of episodes, the first observation
+    for part, (_, write) in _PARTS.items():
+        write(algorithm, parts.get(part, {}))
+
+
+def check(tensors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError naming a tensor of a type that no state has, or one with a number that is not finite."""
+    for name, tensor in tensors.items():
+        if tensor.dtype not in DTYPES:
+            raise ValueError(f"its {name} is of type {tensor.dtype}")
+        if tensor.is_floating_point() and not name.startswith("log.") and not tensor.isfinite().all():
+            raise ValueError(f"its {name} is not finite")
+
+
+def join(parts: Mapping[str, Tensors]) -> Tensors:
+    """By ``<part>.<name>``."""
+    return {f"{part}.{name}": tensor for part, tensors in parts.items() for name, tensor in tensors.items()}
+
+
+def split(tensors: Mapping[str, Tensor]) -> dict[str, Tensors]:
+    """The inverse of :func:`join`."""
+    parts: dict[str, Tensors] = {}
+    for full_name, tensor in tensors.items():
+        part, _, name = full_name.partition(".")
+        parts.setdefault(part, {})[name] = tensor
+    return parts
+
+
+def fill(part: str, own: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> None:
+    """Copy ``given`` into the tensors of the same names. Raises ValueError unless names, shapes and types agree."""
+    for name in sorted({*own} | {*given}):
+        if name not in own or name not in given:
+            raise ValueError(f"it {'lacks' if name in own else 'holds an unknown'} {part}.{name}")
+        if own[name].shape != given[name].shape or own[name].dtype != given[name].dtype:
+            raise ValueError(f"its {part}.{name} is not a {own[name].dtype} tensor of shape {tuple(own[name].shape)}")
+    with torch.no_grad():
+        for name, tensor in own.items():
+            tensor.copy_(given[name])
+
+
+# --- counters -------------------------------------------------------------------------------------------------------
+
+
+def _counters(algorithm: BaseAlgorithm) -> Tensors:
+    return {name: torch.tensor(getattr(algorithm, name)) for name in _COUNTERS}
+
+
+def _set_counters(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    counters = _counters(algorithm)
+    fill("counter", counters, given)
+    if min(counters.values()) < 0:
+        raise ValueError("its counters are negative")
+    for name, value in counters.items():
+        setattr(algorithm, name, int(value))
+
+
+# --- weights and optimizers -----------------------------------------------------------------------------------------
+
+
+def _weights(algorithm: BaseAlgorithm) -> Tensors:
+    """Of what SB3 itself counts as the model: modules, and variables outside of them."""
+    names, variables = algorithm._get_torch_save_params()
+    weights = {name: attrgetter(name)(algorithm) for name in variables}
+    for name in names:
+        if isinstance(module := attrgetter(name)(algorithm), nn.Module):
+            weights |= {f"{name}.{key}": tensor for key, tensor in module.state_dict().items()}
+    return {name: tensor.detach() for name, tensor in weights.items()}
+
+
+def _set_weights(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    fill("weights", _weights(algorithm), given)
+
+
+def _optimizers(algorithm: BaseAlgorithm) -> dict[str, torch.optim.Optimizer]:
+    names, _ = algorithm._get_torch_save_params()
+    found = {name: attrgetter(name)(algorithm) for name in names}
+    return {name: one for name, one in found.items() if isinstance(one, torch.optim.Optimizer)}
+
+
+def _moments(algorithm: BaseAlgorithm) -> Tensors:
+    return {
+        f"{name}.{index}.{key}": torch.as_tensor(value)
+        for name, optimizer in _optimizers(algorithm).items()
+        for index, parameter in enumerate(_parameters(optimizer))
+        for key, value in optimizer.state.get(parameter, {}).items()
+    }
+
+
+def _set_moments(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    for name, optimizer in _optimizers(algorithm).items():
+        _take_a_step(optimizer)
+        for index, parameter in enumerate(_parameters(optimizer)):
+            if not any(key.startswith(f"{name}.{index}.") for key in given):
+                del optimizer.state[parameter]  # never had a gradient
+    fill("optimizer", moments := _moments(algorithm), given)
+    if any(moment < 0 for name, moment in moments.items() if name.endswith(".step")):
+        raise ValueError("its optimizers have made less than no step")
+    for name, optimizer in _optimizers(algorithm).items():
+        for index, parameter in enumerate(_parameters(optimizer)):
+            for key, value in optimizer.state.get(parameter, {}).items():
+                if not isinstance(value, Tensor):  # a number, which a tensor cannot be a view of
+                    optimizer.state[parameter][key] = type(value)(moments[f"{name}.{index}.{key}"])
+
+
+def _take_a_step(optimizer: torch.optim.Optimizer) -> None:
+    """So that it has all its state, whatever kind it is. The weights are restored later, but do not move anyway."""
+    for parameter in _parameters(optimizer):
+        parameter.grad = torch.zeros_like(parameter)
+    optimizer.step()
+    optimizer.zero_grad(set_to_none=True)
+
+
+def _parameters(optimizer: torch.optim.Optimizer) -> list[Tensor]:
+    return [parameter for group in optimizer.param_groups for parameter in group["params"]]
+
+
+# --- environment and replay -----------------------------------------------------------------------------------------
+
+
+def _environment(algorithm: BaseAlgorithm) -> Tensors:
+    arrays = algorithm.env.state_arrays()  # type: ignore[union-attr]
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
+
+
+def _set_environment(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    arrays = {name: tensor.numpy() for name, tensor in given.items()}
+    try:
+        algorithm.env.set_state_arrays(arrays)  # type: ignore[union-attr]
+    except ValueError as error:
+        raise ValueError(f"in its environment, {error}") from None
+
+
+def _last(algorithm: BaseAlgorithm) -> Tensors:
+    arrays = {"observation": algorithm._last_obs, "episode_starts": algorithm._last_episode_starts}
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
+
+
+def _set_last(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    fill("last", _last(algorithm), given)
+
+
+def _replay(algorithm: BaseAlgorithm) -> Tensors:
+    """What the replay buffer was filled with, where the next step goes, and whether it has gone round."""
+    buffer = getattr(algorithm, "replay_buffer", None)
+    if buffer is None:
+        return {}
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    arrays = {name: torch.from_numpy(array[:filled]) for name, array in _arrays(buffer).items()}
+    return {"pos": torch.tensor(buffer.pos), "full": torch.tensor(buffer.full), **arrays}
+
+
+def _set_replay(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    buffer = getattr(algorithm, "replay_buffer", None)
+    if buffer is not None:
+        place = {"pos": torch.tensor(0), "full": torch.tensor(False)}
+        fill("replay", place, {name: given[name] for name in place if name in given})
+        buffer.pos, buffer.full = int(place["pos"]), bool(place["full"])
+        if not 0 <= buffer.pos < buffer.buffer_size:
+            raise ValueError("its replay.pos is out of range")
+    fill("replay", _replay(algorithm), given)
+
+
+def _arrays(buffer: ReplayBuffer) -> dict[str, np.ndarray[Any, Any]]:
+    """With a row a step."""
+    found = {name: value for name, value in vars(buffer).items() if isinstance(value, np.ndarray)}
+    return {name: array for name, array in found.items() if array.shape[:2] == (buffer.buffer_size, buffer.n_envs)}
+
+
+# --- logs -----------------------------------------------------------------------------------------------------------
+
+
+def _episodes(algorithm: BaseAlgorithm) -> Tensors:
+    """What SB3's running means are over: a column a statistic of the last episodes, and which of them succeeded."""
+    infos, successes = list(algorithm.ep_info_buffer or ()), list(algorithm.ep_success_buffer or ())
+    columns = {name: [info[name] for info in infos] for name in (infos[0] if infos else ())}
+    return {
+        "success": torch.tensor(successes, dtype=torch.float64),
+        **{f"info.{name}": torch.tensor(column, dtype=torch.float64) for name, column in columns.items()},
+    }
+
+
+def _set_episodes(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    size = algorithm._stats_window_size
+    lengths = {len(tensor) if tensor.ndim == 1 else -1 for name, tensor in given.items() if name != "success"}
+    success = given.get("success", torch.empty(0, 0))
+    right = len(lengths) <= 1 and all(0 <= length <= size for length in lengths)
+    right &= not lengths or {"info.r", "info.l"} <= {*given}  # SB3 logs them
+    if not right or success.ndim != 1 or len(success) > size or any(t.dtype != torch.float64 for t in given.values()):
+        raise ValueError(f"its episodes are not columns of up to {size} numbers")
+    columns = {name.removeprefix("info."): t.tolist() for name, t in given.items() if name != "success"}
+    rows = zip(*columns.values(), strict=True)
+    algorithm.ep_info_buffer = deque((dict(zip(columns, row, strict=True)) for row in rows), maxlen=size)
+    algorithm.ep_success_buffer = deque(success.tolist(), maxlen=size)
+
+
+def _log(algorithm: BaseAlgorithm) -> Tensors:
+    """Numbers recorded, but not written yet, which every output is to show."""
+    logger = algorithm.logger
+    to_all = [name for name, excluded in logger.name_to_excluded.items() if not any(excluded or ())]
+    values = {name: logger.name_to_value[name] for name in to_all}
+    numbers = {name: value for name, value in values.items() if isinstance(value, int | float | np.number)}
+    return {name: torch.tensor(float(value), dtype=torch.float64) for name, value in numbers.items()}
+
+
+def _set_log(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    fill("log", own := {name: torch.zeros((), dtype=torch.float64) for name in given}, given)
+    for name, value in own.items():
+        algorithm.logger.record(name, float(value))
+
+
+# --- random streams -------------------------------------------------------------------------------------------------
+
+
+def _random(algorithm: BaseAlgorithm) -> Tensors:
+    return random_states(algorithm.action_space, algorithm.device)
+
+
+def _set_random(algorithm: BaseAlgorithm, given: Tensors) -> None:
+    set_random_states(given, algorithm.action_space, algorithm.device)
+
+
+_PARTS: dict[str, tuple[Callable[[BaseAlgorithm], Tensors], Callable[[BaseAlgorithm, Tensors], None]]] = {
+    "counter": (_counters, _set_counters),
+    "optimizer": (_moments, _set_moments),
+    "weights": (_weights, _set_weights),
+    "environment": (_environment, _set_environment),
+    "last": (_last, _set_last),
+    "replay": (_replay, _set_replay),
+    "episodes": (_episodes, _set_episodes),
+    "log": (_log, _set_log),
+    "random": (_random, _set_random),
+}
+"""How each part is read and written; optimizers before the weights, the random streams last."""

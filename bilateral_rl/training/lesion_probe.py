@@ -1,0 +1,222 @@
+"""What every lesion does to a controller while it is being trained: a callback of stable-baselines3."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import pandas as pd
+from stable_baselines3.common.logger import Figure as LoggedFigure
+from stable_baselines3.common.logger import TensorBoardOutputFormat
+
+from bilateral_rl.analysis.metrics import ALONE, find_metric, preferred_metric, specialization_index
+from bilateral_rl.analysis.results import INTACT
+from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.config.catalogue import find_model
+from bilateral_rl.config.schema import EvaluationConfig, RLConfig
+from bilateral_rl.envs.trials import TrialSettings
+from bilateral_rl.io.csv_tables import read_table
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import replacing
+from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.training.callbacks import BetweenIterations
+
+PROBE = "lesion_probe.csv"
+"""In a run's folder: a row a step and state, with the measures."""
+FIGURE = "specialization_over_training"
+MEASURES = (
+    "goal_completion_percent", "speed_to_goal_cm_per_step", "time_in_goal_steps", "final_error_cm",
+    "return_dominant", "return_non_dominant",
+)  # fmt: skip
+"""Of :meth:`TrialRecord.summary`."""
+
+_KINDS: dict[str, type] = {"timesteps": int, "lesion": str} | dict.fromkeys(MEASURES, float)
+_STATES_NEEDED = {INTACT, *ALONE.values()}
+"""At every step, of every network."""
+
+
+class LesionProbe(BetweenIterations):
+    """Test a policy intact and after each lesion it can have, every so many environment steps of any training.
+
+    The deterministic policy does the same trials in each state. Lesions leave the weights as they are, and no random
+    stream of the training is touched: it goes as it would without. Every measure is logged as
+    ``lesions_<measure>/<state>``, and the specialization index
+    (:func:`~bilateral_rl.analysis.metrics.specialization_index`) as ``specialization/<metric>``; tensorboard's custom
+    scalars show the states of a measure in one chart.
+
+    Args:
+        task: which task.
+        settings: how trials run; None for the task's as it is.
+        every: environment steps between probes, whatever the number of environments; the first one is at the start,
+            and one more comes at the end.
+        folder: takes ``lesion_probe.csv`` and, at the end, a figure; None for the logger alone. A training that goes on
+            from a saved state keeps the rows up to it, another one begins anew.
+        trials: of each state.
+        seed: of the trials; trial i is the first one of seed + i.
+        device: where the arms are simulated.
+        name: of the model, in the figure; None for that of its architecture.
+
+    Raises:
+        UserError: ``every`` or ``trials`` below 1, an unknown task; and when the training starts, a policy without
+            hemispheres or a damaged ``lesion_probe.csv``.
+    """
+
+    def __init__(
+        self,
+        task: str,
+        settings: TrialSettings | None = None,
+        every: int = 500_000,
+        folder: str | Path | None = None,
+        trials: int = EvaluationConfig.trials,
+        seed: int = EvaluationConfig.seed,
+        device: str = "cpu",
+        name: str | None = None,
+    ) -> None:
+        super().__init__(every)
+        if min(every, trials) < 1:
+            raise UserError(f"A lesion probe needs every and trials to be at least 1, got {every} and {trials}.")
+        settings = settings or TrialSettings()
+        self._metric = find_metric(preferred_metric(task, settings.threshold))
+        self._evaluator = Evaluator(task, settings, trials, seed, device)
+        self._task, self._threshold, self._name = task, settings.threshold, name
+        self._path = None if folder is None else Path(folder) / PROBE
+        self._table = pd.DataFrame()
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row a step and state: ``timesteps``, ``lesion``, and the measures."""
+        return self._table
+
+    def _init_callback(self) -> None:
+        policy = self.model.policy
+        lesions = policy.motor_network.available_lesions() if isinstance(policy, MotorPolicy) else ()
+        if not lesions:
+            raise UserError("A lesion probe needs a policy with two hemispheres, such as CallosalPolicy.")
+        self._states = (INTACT, *lesions)
+
+    def _on_training_start(self) -> None:
+        super()._on_training_start()
+        self._table = self._past()
+        if self._table.empty:
+            self._due = 0
+        self._show_charts()
+
+    def _on_training_end(self) -> None:
+        if self._table.empty or self._table["timesteps"].iloc[-1] != self.num_timesteps:
+            self.act()
+        if self._path is not None:
+            self._draw(self._path.with_name(FIGURE))
+
+    def act(self) -> None:
+        """Test every state now."""
+        records: dict[str, TrialRecord] = {}
+        for state in self._states:
+            with self._policy.motor_network.lesioned(state):
+                records[state] = self._evaluator.run(self._policy)
+        measures = {state: record.summary(self._threshold) for state, record in records.items()}
+        rows = pd.DataFrame.from_dict(measures, orient="index", columns=list(MEASURES)).rename_axis("lesion")
+        tables = [self._table, rows.reset_index().assign(timesteps=self.num_timesteps)[list(_KINDS)]]
+        self._table = pd.concat([table for table in tables if len(table)], ignore_index=True)
+        self._write()
+        self._log(measures, [self._metric.value(records[lesion]) for lesion in ALONE.values()])
+
+    @property
+    def _policy(self) -> MotorPolicy:
+        policy = self.model.policy
+        assert isinstance(policy, MotorPolicy)
+        return policy
+
+    def _past(self) -> pd.DataFrame:
+        """The rows of the steps that lie behind; those after a saved state are made again."""
+        if not self.num_timesteps:
+            return pd.DataFrame()
+        table = self._table
+        if self._path is not None and self._path.exists():
+            try:
+                table = read_probe(self._path)
+            except UserError as error:
+                raise UserError(f"{error} Move it away to go on without it.") from None
+        return table if table.empty else table[table["timesteps"] <= self.num_timesteps]
+
+    def _write(self) -> None:
+        if self._path is not None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(self._path) as temporary:
+                self._table.to_csv(temporary, index=False, float_format="%.6g")
+
+    def _log(self, measures: Mapping[str, Mapping[str, float]], alone: list[float]) -> None:
+        for state, values in measures.items():
+            for name in MEASURES:
+                self.logger.record(f"lesions_{name}/{state}", values[name], exclude="stdout")
+        self.logger.record(f"specialization/{self._metric.name}", float(specialization_index(*alone)))
+        self.logger.dump(self.num_timesteps)
+
+    def _show_charts(self) -> None:
+        """Have tensorboard's custom scalars show the states of each measure in one chart."""
+        charts = {name: ["Multiline", [f"lesions_{name}/{state}$" for state in self._states]] for name in MEASURES}
+        for output in self.logger.output_formats:
+            if isinstance(output, TensorBoardOutputFormat) and output.writer is not None:
+                output.writer.add_custom_scalars({"lesions": charts})
+
+    def _draw(self, path: Path) -> None:
+        # Only needed here, and slow to import.
+        from bilateral_rl.figures.saving import save
+        from bilateral_rl.figures.specialization_over_training import specialization_over_training
+
+        model = self._name or self._policy.motor_network.architecture
+        figure = specialization_over_training(self._table.assign(model=model, seed=0), self._task)
+        try:
+            save(figure, path)
+        except UserError as error:  # no reason to lose the end of a training
+            warnings.warn(str(error), stacklevel=2)
+        self.logger.record(f"figures/{FIGURE}", LoggedFigure(figure, close=True), exclude=("stdout", "csv"))
+        self.logger.dump(self.num_timesteps)
+
+
+def probe_of_run(config: RLConfig, folder: RunFolder) -> LesionProbe | None:
+    """The probe that a run's configuration asks for; None if it asks for none, or if there are no hemispheres."""
+    evaluation = config.evaluation
+    if not evaluation.lesion_probe_every or find_model(config.model).architecture == "unilateral":
+        return None
+    return LesionProbe(
+        config.task,
+        config.trial,
+        every=evaluation.lesion_probe_every,
+        folder=folder.path,
+        trials=evaluation.trials,
+        seed=evaluation.seed,
+        device=config.device,
+        name=config.model,
+    )
+
+
+def read_probe(path: Path) -> pd.DataFrame:
+    """The table in a ``lesion_probe.csv``, which may be somebody else's.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        UserError: it is damaged.
+    """
+    table = read_table(path, _KINDS)
+    states = table.groupby("timesteps")["lesion"].agg(frozenset)
+    if table.duplicated(["timesteps", "lesion"]).any() or any(_STATES_NEEDED - of_one for of_one in states):
+        raise UserError(f"{path} is damaged: it must have each state once at each step.")
+    return table
+
+
+def read_probes(runs: Iterable[RunFolder]) -> pd.DataFrame:
+    """The tables of those of ``runs`` that were probed, with columns ``model`` and ``seed``; empty if none was.
+
+    Raises UserError for a damaged table, and for a seed of a model that is there twice.
+    """
+    tables: dict[tuple[str, int], pd.DataFrame] = {}
+    for run in runs:
+        if (run.path / PROBE).exists():
+            config = run.config()
+            if (config.model, config.seed) in tables:
+                raise UserError(f"{run.path} is seed {config.seed} of {config.model} once more; give each seed once.")
+            table = read_probe(run.path / PROBE).assign(model=config.model, seed=config.seed)
+            tables[config.model, config.seed] = table
+    return pd.concat(tables.values(), ignore_index=True) if tables else pd.DataFrame()

@@ -1,0 +1,118 @@
+"""The words of the whole toolkit, defined once: sides, parameter groups, losses, streams, penalties and their weights.
+
+Every room may import this file, and it imports nothing but Python: it is the ground floor.
+
+- A *side* is a hemisphere: dominant or non-dominant.
+- A *parameter group* is who owns a parameter of a network: one of the two sides, or both (shared).
+- A *loss* is what trains a model. It comes to one or two *streams*, each a mix of the dominant and the non-dominant
+  loss (in reinforcement learning: reward) that sends its own gradients.
+- A *weight penalty* is the regularization term of a stream's loss (paper section 4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Side = Literal["dominant", "non_dominant"]
+SIDES: tuple[Side, Side] = ("dominant", "non_dominant")
+"""The order of every pair: rewards, returns, losses, combination weights."""
+
+GROUPS: tuple[str, ...] = (*SIDES, "shared")
+"""Every parameter of a network belongs to exactly one of these."""
+
+Architecture = Literal["unilateral", "bilateral", "callosal"]
+
+Loss = Literal["combined", "dominant", "non_dominant", "specialized"]
+LOSSES: tuple[Loss, ...] = ("combined", "dominant", "non_dominant", "specialized")
+"""What trains a model: half of both losses, one of them, or each for its own side (paper section 1)."""
+
+_STREAM_MIX: dict[Loss, tuple[tuple[float, float], ...]] = {
+    "combined": ((0.5, 0.5),),
+    "dominant": ((1.0, 0.0),),
+    "non_dominant": ((0.0, 1.0),),
+    "specialized": ((1.0, 0.0), (0.0, 1.0)),
+}
+
+_SPECIALIZED_SHARES: dict[str, tuple[float, ...]] = {
+    "dominant": (1.0, 0.0),
+    "non_dominant": (0.0, 1.0),
+    "shared": (0.5, 0.5),
+}
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weights of a step's terms, and of the weight penalty, in the loss of one side (paper section 4)."""
+
+    cartesian_1: float
+    """Weight of the mean absolute error of the hand (m)."""
+    cartesian_2: float
+    """Weight of ten times the mean squared error of the hand (m²)."""
+    activation: float
+    """Weight of the mean squared muscle excitation."""
+    penalty: float
+    """Weight of the weight penalty, a loss on parameters."""
+
+    @property
+    def terms(self) -> tuple[float, float, float]:
+        """The weights of a step's terms, in the order in which the arm's kernels compute them."""
+        return self.cartesian_1, self.cartesian_2, self.activation
+
+
+LOSS_WEIGHTS: dict[Side, LossWeights] = {
+    "dominant": LossWeights(cartesian_1=0.0, cartesian_2=5.0, activation=2.0, penalty=0.0),
+    "non_dominant": LossWeights(cartesian_1=5.0, cartesian_2=0.0, activation=0.0, penalty=2.0),
+}
+"""The dominant loss rewards accuracy at little effort, the non-dominant one a steady hand and small weights."""
+
+Penalty = Literal["weights", "activity", "released"]
+PENALTIES: dict[Penalty, float] = {"weights": 0.001, "activity": 0.01, "released": 0.01}
+"""What the weight penalty is taken of, and its default coefficient λ.
+
+- ``weights``: λ · ½ Σ w² over every kernel, bias and combination weight.
+- ``activity``: λ · (mean x² + 0.05 · mean ẋ²) of each hidden layer's activity x.
+- ``released``: the same of each of the first outputs, as many as there are hidden layers, that the paper's released
+  code pairs with them by mistake: joint state, muscle state, proprioceptive and visual feedback.
+"""
+
+Profile = Literal["paper", "released"]
+PROFILES: dict[Profile, Penalty] = {"paper": "weights", "released": "released"}
+"""The kind of weight penalty in the paper's text and in its released code (section 4)."""
+
+
+def stream_mix(loss: Loss) -> tuple[tuple[float, float], ...]:
+    """Return, for each stream of ``loss``, its weights of the dominant and the non-dominant loss or reward.
+
+    Raises ValueError for an unknown loss.
+    """
+    if loss not in _STREAM_MIX:
+        raise ValueError(f"unknown loss {loss!r}; choose from {', '.join(LOSSES)}.")
+    return _STREAM_MIX[loss]
+
+
+def stream_names(loss: Loss) -> tuple[str, ...]:
+    """Return what each stream of ``loss`` is called in logs."""
+    return SIDES if loss == "specialized" else (loss,)
+
+
+def stream_penalties(loss: Loss) -> tuple[float, ...]:
+    """Return the weight of the weight penalty in each stream of ``loss``."""
+    by_side = [LOSS_WEIGHTS[side].penalty for side in SIDES]
+    return tuple(sum(m * w for m, w in zip(mix, by_side, strict=True)) for mix in stream_mix(loss))
+
+
+def group_shares(loss: Loss) -> dict[str, tuple[float, ...]]:
+    """Return, for each parameter group, how much of each stream's gradient it gets (paper section 5)."""
+    if loss == "specialized":
+        return dict(_SPECIALIZED_SHARES)
+    return dict.fromkeys(GROUPS, (1.0,) * len(stream_mix(loss)))
+
+
+def group_penalties(loss: Loss) -> dict[str, float]:
+    """Return the weight of the weight penalty on each parameter group, routed like the rest of the loss."""
+    streams = stream_penalties(loss)
+    return {
+        group: sum(share * weight for share, weight in zip(shares, streams, strict=True))
+        for group, shares in group_shares(loss).items()
+    }

@@ -1,0 +1,113 @@
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+import yaml
+
+SMALL = ["--timesteps", "2000", "--n-envs", "20", "--set", "ppo.batch_size=250", "--set", "evaluation.trials=8"]
+
+
+def start(*arguments, cwd):
+    command = [sys.executable, "-m", "bilateral_rl.commands.app", *map(str, arguments)]
+    environment = os.environ | {"COLUMNS": "200"}
+    return subprocess.Popen(
+        command, cwd=cwd, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def call(*arguments, cwd):
+    process = start(*arguments, cwd=cwd)
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def test_train_then_evaluate_then_list(tmp_path):
+    code, out, err = call("train", "--model", "bi_s", "--task", "hold_position", *SMALL, cwd=tmp_path)
+    assert (code, err) == (0, "")
+    run = "runs/hold_position/bi_s-ppo-1"
+    for line in (f"bilateral-rl evaluate {run}", "tensorboard --logdir runs", "goal completion"):
+        assert line in out
+    assert yaml.safe_load((tmp_path / run / "config.yaml").read_text())["model"] == "bi_s"
+
+    code, out, err = call("evaluate", run, "--trials", 16, "--csv", "t.csv", "--json", "t.json", cwd=tmp_path)
+    assert (code, err) == (0, "")
+    table = json.loads((tmp_path / "t.json").read_text())
+    assert list(table["by_threshold_m"]) == ["0.02", "0.03", "0.05"]
+    printed = re.search(r"5 cm\s+│\s+([\d.]+) %", out)
+    assert printed
+    assert float(printed[1]) == pytest.approx(table["by_threshold_m"]["0.05"]["goal_completion_percent"], abs=0.05)
+    assert len(pd.read_csv(tmp_path / "t.csv")) == 16
+
+    code, out, _ = call("list", cwd=tmp_path)
+    assert code == 0
+    for word in ("cc_ns", "random_reach", "ppo", run, "finished", "2,000"):
+        assert word in out
+
+
+def test_a_configuration_file_repeats_a_run_and_flags_win_over_it(tmp_path):
+    code, *_ = call("train", *SMALL, "--seed", 5, cwd=tmp_path)
+    assert code == 0
+    first = tmp_path / "runs/random_reach/cc_s-ppo-1"
+    code, *_ = call("train", "--config", first / "config.yaml", "--units", 12, cwd=tmp_path)
+    assert code == 0
+    values = [yaml.safe_load((tmp_path / f"runs/random_reach/cc_s-ppo-{n}/config.yaml").read_text()) for n in (1, 2)]
+    assert values[1]["seed"] == 5
+    assert values[1]["network"]["units"] == 12
+    values[1]["network"]["units"] = 10
+    assert values[0] == values[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["train", "--model", "cc"], "uni_b, uni_dl"),
+        (["train", "--model", "[/x]"], "'[/x]'"),
+        (["train", "--seed", "4294967296"], "4,294,967,295"),
+        (["train", "--n-envs", "1000000000000"], "n_envs"),
+        (["train", "--units", "1000000000"], "units"),
+        (["train", "--set", "timesteps=2020-99-99"], "neither"),
+        (["train", "--resume", "runs/none", "--out", "x"], "--out"),
+        (["train", "--algo", "dqn"], "ppo"),
+        (["train", "--units", "7"], "odd"),
+        (["train", "--n-envs", "0"], "n_envs"),
+        (["train", "--set", "nonsense"], "key=value"),
+        (["train", "--config", "missing.yaml"], "missing.yaml"),
+        (["evaluate", "runs/none"], "no run"),
+        (["evaluate", "."], "config.yaml"),
+        (["train", "--resume", "runs/none"], "no run"),
+        (["train", "--out", "/proc/nothing", *SMALL], "--out"),
+    ],
+)
+def test_a_mistake_is_one_clear_sentence_and_leaves_nothing_behind(tmp_path, arguments, says):
+    code, _, err = call(*arguments, cwd=tmp_path)
+    assert code == 2
+    assert says in err
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_resume_refuses_settings_that_belong_to_the_run(tmp_path):
+    code, _, err = call("train", "--resume", "runs/x", "--units", "12", cwd=tmp_path)
+    assert code == 2
+    assert "--units" in err
+
+
+def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path):
+    process = start("train", "--timesteps", "100000000", "--n-envs", "20", cwd=tmp_path)
+    run = tmp_path / "runs/random_reach/cc_s-ppo-1"
+    deadline = time.monotonic() + 90
+    while not (run / "evaluations.csv").exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "bilateral-rl train --resume runs/random_reach/cc_s-ppo-1" in out
+    assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
+    assert (run / "weights/final.safetensors").exists()

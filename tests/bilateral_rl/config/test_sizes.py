@@ -1,0 +1,57 @@
+"""What a configuration comes to: use is far within the bounds, and what would fill the memory is refused."""
+
+import pytest
+
+from bilateral_rl.config.catalogue import ALGORITHMS
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.io.errors import UserError
+
+LARGE = {
+    "network": {"units": 1_000, "layers": 4},
+    "trial": {"trial_length": 500, "feedback_delay": 20, "sensory_noise": 0.01, "max_load": 1000.0},
+}
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_what_a_large_laboratory_might_do_is_allowed(algo):
+    of_rl = {"n_envs": 10_000, "evaluation": {"trials": 10_000}, "network": {"critic_arch": [1_000, 1_000]}}
+    own = {
+        "ppo": {"n_envs": 10_000, "ppo": {"n_steps": 500}},
+        "a2c": of_rl,
+        "sac": of_rl | {"sac": {"buffer_size": 5_000_000}},
+        "td3": of_rl | {"td3": {"buffer_size": 5_000_000}},
+        "bptt": {"seeds": 20, "bptt": {"trials": 64_000}, "trial": {"sensory_noise": 0.0, "feedback_delay": 0}},
+    }
+    if algo == "bptt":
+        own["bptt"]["network"] = {"units": 100}
+    assert resolve(algo, None, [LARGE, own[algo]]).algo == algo
+
+
+@pytest.mark.parametrize(
+    ("algo", "values", "says"),
+    [
+        ("ppo", {"trial": {"trial_length": 5_000}}, "trial.trial_length"),
+        ("ppo", {"trial": {"feedback_delay": 5_000}}, "trial.feedback_delay"),
+        ("ppo", {"network": {"layers": 200}}, "network.layers"),
+        ("ppo", {"network": {"units": 10_000}}, "parameters of the network"),
+        ("ppo", {"network": {"critic_arch": [10_000, 10_000]}}, "parameters of a critic"),
+        ("ppo", {"network": {"critic_arch": [1] * 101}}, "network.critic_arch"),
+        ("ppo", {"n_envs": 1_000_000}, "n_envs and trial"),
+        ("ppo", {"ppo": {"n_steps": 100_000}}, "n_envs and ppo.n_steps"),
+        ("a2c", {"a2c": {"n_steps": 100_000}}, "n_envs and a2c.n_steps"),
+        ("ppo", {"evaluation": {"trials": 1_000_000}}, "evaluation.trials and trial"),
+        ("ppo", {"threads": 10**6}, "threads"),
+        ("bptt", {"threads": 10**4}, "threads"),
+        ("sac", {"sac": {"buffer_size": 10**9}}, "sac.buffer_size"),
+        ("bptt", {"seeds": 1000, "bptt": {"batch_size": 6400}}, "bptt.batch_size, seeds, trial and network"),
+        ("bptt", {"seeds": 1000, "bptt": {"validation_trials": 10_000}}, "bptt.validation_trials, seeds"),
+        ("bptt", {"seeds": 1000, "bptt": {"trials": 640_000}}, "bptt.trials and seeds"),
+        ("bptt", {"seeds": 1000, "network": {"units": 2_000}}, "seeds and network"),
+        ("ppo", {"trial": {"arm": {"timestep": 1e-300}}}, "trial.arm.timestep"),
+        ("ppo", {"trial": {"max_load": 1e300}}, "trial.max_load"),
+        ("ppo", {"seed": 10**400}, "seed must be a whole number"),
+    ],
+)
+def test_what_would_fill_the_memory_is_refused_by_its_name(algo, values, says):
+    with pytest.raises(UserError, match=says):
+        resolve(algo, None, [values])

@@ -1,0 +1,223 @@
+"""Files: others' are read with care, ours are written whole or not at all."""
+
+import errno
+import multiprocessing
+import os
+import resource
+import signal
+import socket
+import stat
+import threading
+from pathlib import Path
+
+import pytest
+
+from bilateral_rl.io import files
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import find, read, refuse_traps, replacing
+
+
+@pytest.fixture
+def folder(tmp_path):
+    path = tmp_path / "folder"
+    path.mkdir()
+    return path
+
+
+# Reading
+
+
+def test_a_file_of_the_folder_is_read_whatever_the_way_to_it(folder, tmp_path):
+    (folder / "file").write_bytes(b"content")
+    (folder / "link").symlink_to("file")
+    (tmp_path / "way").symlink_to(folder)
+    os.link(folder / "file", folder / "hard")
+    for name in ("file", "link", "hard"):
+        assert read(folder / name, 7, folder) == b"content"
+        assert read(tmp_path / "way" / name, 7, tmp_path / "way") == b"content"
+    assert find(tmp_path / "way/link", 7, folder) == folder / "file"
+
+
+def test_a_file_that_is_too_large_is_refused(folder):
+    (folder / "file").write_bytes(b"content")
+    for within in (folder, None):
+        with pytest.raises(UserError, match="larger than anything of its kind, 6 bytes"):
+            read(folder / "file", 6, within)
+
+
+def test_what_has_no_size_is_not_read_without_end():
+    with pytest.raises(UserError, match="larger"):
+        read(Path("/dev/zero"), 1000)
+    with pytest.raises(UserError, match="larger"):
+        read(Path("/proc/self/status"), 10, Path("/proc/self"))  # says that it is empty
+
+
+def test_what_the_user_names_may_be_a_pipe(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(b"content",))
+    writer.start()
+    assert read(pipe, 100) == b"content"
+    writer.join()
+
+
+@pytest.mark.parametrize(
+    "make", [os.mkfifo, os.mkdir, lambda path: socket.socket(socket.AF_UNIX).bind(str(path)[-100:])]
+)
+def test_only_a_regular_file_is_a_file(folder, monkeypatch, make):
+    monkeypatch.chdir(folder)
+    make(Path("it"))
+    with pytest.raises(UserError, match="not a regular file"):
+        read(folder / "it", 100, folder)
+
+
+@pytest.mark.parametrize("name", ["nothing", "link", "file/below"])
+def test_what_is_not_there_is_told_from_what_is_refused(folder, name):
+    (folder / "file").touch()
+    (folder / "link").symlink_to("nothing")
+    expected = UserError if name == "file/below" else FileNotFoundError
+    for within in (folder, None):
+        with pytest.raises(expected):
+            read(folder / name, 100, within)
+
+
+@pytest.mark.parametrize("name", ["../outside", "out", "way/outside", "\0", "x" * 300, "\ud800", "loop"])
+def test_what_lies_elsewhere_is_refused(folder, tmp_path, name):
+    (tmp_path / "outside").write_text("secret")
+    (folder / "out").symlink_to(tmp_path / "outside")
+    (folder / "way").symlink_to("..")
+    (folder / "loop").symlink_to("loop")
+    with pytest.raises(UserError):
+        read(folder / name, 100, folder)
+
+
+# Before writing
+
+
+def test_links_within_a_folder_are_no_traps(folder):
+    (folder / "below").mkdir()
+    (folder / "below/file").touch()
+    (folder / "link").symlink_to("below/file")
+    (folder / "below/up").symlink_to("..")
+    (folder / "nowhere").symlink_to("below/nothing")
+    refuse_traps(folder)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda path: path.symlink_to("/etc/passwd"), "is a link out of"),
+        (lambda path: path.symlink_to("../" * 101 + "nothing"), "is a link out of"),
+        (os.mkfifo, "neither a file nor a folder"),
+    ],
+)
+def test_traps_are_found_however_deep(folder, make, says):
+    deep = folder.joinpath(*["d"] * 100)
+    deep.mkdir(parents=True)
+    make(deep / "trap")
+    with pytest.raises(UserError, match=says):
+        refuse_traps(folder)
+
+
+# Writing
+
+
+def test_what_fails_leaves_the_old_file_and_nothing_else(folder):
+    (folder / "file").write_text("old")
+
+    def fail():
+        with replacing(folder / "file") as temporary:
+            temporary.write_text("ne")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert [(path.name, path.read_text()) for path in folder.iterdir()] == [("file", "old")]
+
+
+def test_a_new_file_has_the_mode_of_any_other(folder):
+    before = os.umask(0o027)
+    try:
+        with replacing(folder / "file") as temporary:
+            temporary.write_text("new")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((folder / "file").stat().st_mode) == 0o640
+
+
+def test_a_link_is_replaced_and_not_written_through(folder, tmp_path):
+    (tmp_path / "outside").write_text("mine")
+    (folder / "file").symlink_to(tmp_path / "outside")
+    with replacing(folder / "file") as temporary:
+        temporary.write_text("new")
+    assert (tmp_path / "outside").read_text() == "mine"
+    assert not (folder / "file").is_symlink()
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name(folder, monkeypatch):
+    flushed = []
+
+    def fsync(handle):
+        flushed.append((os.fstat(handle).st_size, (folder / "file").exists()))
+
+    monkeypatch.setattr(files.os, "fsync", fsync)
+    with replacing(folder / "file") as temporary:
+        temporary.write_text("content")
+    assert flushed == [(7, False)]
+
+
+def _write_and_wait(path, ready):
+    with replacing(path) as temporary:
+        temporary.write_text("half")
+        ready.set()
+        signal.pause()
+
+
+def test_what_a_killed_process_left_vanishes_with_the_next_write(folder):
+    context = multiprocessing.get_context("fork")
+    ready = context.Event()
+    process = context.Process(target=_write_and_wait, args=(folder / "file", ready))
+    process.start()
+    ready.wait()
+    with replacing(folder / "file") as temporary:
+        temporary.write_text("while it lives")
+    (left,) = [path for path in folder.iterdir() if path.name != "file"]
+    assert left.read_text() == "half"
+    assert f"-{process.pid}-" in left.name
+    process.kill()
+    process.join()
+    with replacing(folder / "other"):
+        pass
+    assert left.exists()
+    with replacing(folder / "file") as temporary:
+        temporary.write_text("after its death")
+    assert sorted(path.name for path in folder.iterdir()) == ["file", "other"]
+
+
+def test_files_that_only_look_left_over_stay(folder):
+    stem = files._temporary_stem(folder / "file")
+    names = [".file.tmp", ".file.00000000-99999999-x", f"{stem}x-y", f"{stem}0-y", f"{stem}{10**30}-y", f"{stem}1"]
+    for name in names:
+        (folder / name).touch()
+    with replacing(folder / "file"):
+        pass
+    assert {path.name for path in folder.iterdir()} == {"file", *names}
+
+
+def test_a_full_disk_is_an_error_of_the_system_and_leaves_nothing(folder):
+    """The disk is full for this process: no file may be larger than this."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError, match=os.strerror(errno.EFBIG)), replacing(folder / "file") as temporary:
+            temporary.write_bytes(bytes(1001))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, before)
+    assert not list(folder.iterdir())
+
+
+def test_a_folder_that_is_not_there_is_an_error_of_the_system(folder):
+    with pytest.raises(FileNotFoundError), replacing(folder / "none/file"):
+        pass

@@ -1,0 +1,353 @@
+"""Lesion studies: every state that a network can have, each seed as if it were alone, and the run only read."""
+
+import copy
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from bilateral_rl.analysis.metrics import measure, metrics_of
+from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.config.catalogue import MODELS
+from bilateral_rl.config.parse import merge
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import SupervisedConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, find_lesion
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import build_network, load_policies, load_policy, network_states
+from bilateral_rl.study import lesioning
+from bilateral_rl.study.lesioning import LesionSettings, LesionStudy, state_names
+from bilateral_rl.study.retraining import TRAINED, Retraining
+
+SETTINGS = {"trials": 8, "seed": 7, "threads": 1}
+THRESHOLDS = (0.01, 0.02, 0.03, 0.05)
+COMBINED = ["callosum_deep_dominant", "callosum_deep_non_dominant"]
+STATE = ["seed", "lesion", "retrained"]
+
+
+def study_of(folder, only=None, weights="final", **settings):
+    return LesionStudy(folder, LesionSettings(**{**SETTINGS, **settings}), only, weights)
+
+
+def run_study(folder, only=None, weights="final", **settings):
+    return study_of(folder, only, weights, **settings).run()
+
+
+def with_config(folder, **values):
+    """The run, as if it had been trained with other settings."""
+    folder.write_config(resolve(None, None, [merge(folder.config().to_values(), values)]))
+    return folder
+
+
+def values_of(results, **wanted):
+    """By metric, of the one state wanted."""
+    rows = results[np.logical_and.reduce([results[name] == value for name, value in wanted.items()])]
+    assert rows["metric"].is_unique
+    return rows.set_index("metric")["value"]
+
+
+def evaluated(folder, policy, lesion, **settings):
+    """The same by hand."""
+    config, settings = folder.config(), {**SETTINGS, **settings}
+    with policy.motor_network.lesioned(lesion):
+        record = Evaluator(config.task, config.trial, settings["trials"], settings["seed"]).run(policy)
+    return pd.Series(measure(record, metrics_of(config.task, THRESHOLDS)))
+
+
+def retrained_by_hand(folder, seed, lesion, own, penalty="weights", coefficient=0.001):
+    """The policy of one seed after its epoch, made without the others."""
+    config, policy = folder.config(), load_policy(folder, seed=seed)
+    layout = Layout(build_network(config))
+    retraining = Retraining(layout, config.task, config.trial, own, penalty, coefficient, threads=1)
+    row = retraining.run(layout.pack([network_states(folder)[seed]]), [seed], lesion)
+    policy.motor_network.load_state_dict({name: tensor[0] for name, tensor in layout.unpack(row).items()})
+    return policy
+
+
+def assert_same(first, second):
+    pd.testing.assert_series_equal(first, second, check_exact=True, check_names=False)
+
+
+@pytest.fixture(scope="module")
+def trained(_trained_bptt):
+    """A run of three seeds, never written to."""
+    return _trained_bptt
+
+
+@pytest.fixture(scope="module")
+def results(trained):
+    return run_study(trained)
+
+
+# States
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_model_has_the_states_of_its_architecture_intact_first(small_bptt, model):
+    shallow_and_deep = ["shallow_dominant", "shallow_non_dominant", "deep_dominant", "deep_non_dominant"]
+    lesions = {"uni": [], "bi": shallow_and_deep, "cc": [*shallow_and_deep, "callosum", *COMBINED]}
+    names = state_names(small_bptt(model), None)
+    assert names == ["intact", *lesions[model.split("_")[0]]]
+    assert len(names) == {"uni": 1, "bi": 5, "cc": 8}[model.split("_")[0]]
+
+
+def test_wanted_lesions_come_in_the_order_wanted_each_once_after_the_intact_network(small_bptt):
+    wanted = ["callosum", "deep_dominant", "callosum", "intact"]
+    assert state_names(small_bptt("cc_s"), wanted) == ["intact", "callosum", "deep_dominant"]
+    assert state_names(small_bptt("uni_b"), ["intact"]) == ["intact"]
+
+
+@pytest.mark.parametrize(
+    ("model", "lesion", "says"),
+    [
+        ("uni_b", "deep_dominant", "uni_b is a unilateral network and cannot .* 'deep_dominant': it can have none.$"),
+        ("bi_ns", "callosum", "bilateral .* 'callosum': .* shallow_dominant, .*deep_non_dominant.$"),
+        ("bi_s", "callosum_deep_dominant", "bilateral .* it can have shallow_dominant, .*, deep_non_dominant.$"),
+        ("cc_s", "lobotomy", "callosal .* 'lobotomy': it can have .*callosum_deep_non_dominant; the lesions there are"),
+        ("uni_dl", "lobotomy", "it can have none; the lesions there are: shallow_dominant, .*non_dominant.$"),
+    ],
+)
+def test_a_lesion_that_cannot_be_is_refused_with_those_that_can(small_bptt, model, lesion, says):
+    with pytest.raises(UserError, match=says):
+        state_names(small_bptt(model), ["intact", lesion])
+
+
+# The table
+
+
+def test_there_is_a_row_for_each_seed_state_condition_and_metric(trained, results):
+    metrics = [metric.name for metric in metrics_of("random_reach", THRESHOLDS)]
+    assert tuple(results.columns) == COLUMNS
+    assert len(results) == 3 * 8 * 2 * len(metrics)
+    assert not results.duplicated([*STATE, "metric"]).any()
+    assert set(map(tuple, results[["model", "task", "algo"]].to_numpy())) == {("cc_s", "random_reach", "bptt")}
+    assert sorted(set(results["seed"])) == [0, 1, 2]
+    assert list(dict.fromkeys(results["lesion"])) == ["intact", *LESIONS]
+    assert list(dict.fromkeys(results["metric"])) == metrics
+    assert results["retrained"].dtype == bool
+
+
+def test_metrics_are_those_of_the_task_at_the_reported_radii_and_the_runs_own(bptt_run):
+    with_config(bptt_run, task="hold_position", trial={"threshold": 0.045})
+    found = set(run_study(bptt_run, only=0, retrain=False, lesions=("callosum",), trials=2)["metric"])
+    assert found == {metric.name for metric in metrics_of("hold_position", (*THRESHOLDS, 0.045))}
+    assert {"time_in_goal_1cm", "time_in_goal_4.5cm", "effort"} < found
+    assert "goal_completion_5cm" not in found
+
+
+def test_values_are_those_of_the_lesioned_policy(trained, results):
+    for seed, policy in load_policies(trained).items():
+        for lesion in ("intact", *LESIONS):
+            found = values_of(results, seed=seed, lesion=lesion, retrained=False)
+            assert_same(found, evaluated(trained, policy, lesion))
+
+
+@pytest.mark.parametrize("lesion", ["intact", "shallow_dominant", "callosum_deep_non_dominant"])
+def test_a_seed_is_retrained_as_if_it_were_alone(trained, results, lesion):
+    for seed in (0, 2):
+        policy = retrained_by_hand(trained, seed, find_lesion(lesion), trained.config().bptt)
+        assert_same(values_of(results, seed=seed, lesion=lesion, retrained=True), evaluated(trained, policy, lesion))
+
+
+def test_the_same_study_brings_the_same_numbers_whatever_the_threads(trained, results):
+    again = run_study(trained, threads=2, lesions=("callosum",))
+    expected = results[results["lesion"].isin(["intact", "callosum"])].reset_index(drop=True)
+    pd.testing.assert_frame_equal(again, expected, check_exact=True)
+
+
+def test_one_seed_and_some_lesions_bring_the_rows_that_all_bring(trained, results):
+    some = run_study(trained, only=1, lesions=("callosum", "deep_dominant"))
+    assert list(dict.fromkeys(some["lesion"])) == ["intact", "callosum", "deep_dominant"]
+    wanted = results[(results["seed"] == 1) & results["lesion"].isin(["intact", "callosum", "deep_dominant"])]
+    order = [*STATE, "metric"]
+    first, second = (table.sort_values(order, ignore_index=True) for table in (some, wanted))
+    pd.testing.assert_frame_equal(first, second, check_exact=True)
+
+
+def test_the_trials_are_those_of_the_seed_asked_for(trained, results):
+    other = run_study(trained, only=0, lesions=("callosum",), retrain=False, seed=8, trials=3)
+    found = values_of(other, lesion="callosum")
+    assert_same(found, evaluated(trained, load_policy(trained, seed=0), "callosum", seed=8, trials=3))
+    assert found["effort"] != values_of(results, seed=0, lesion="callosum", retrained=False)["effort"]
+
+
+def test_the_best_weights_are_tested_if_asked(trained, results):
+    best = run_study(trained, weights="best", lesions=("callosum",), retrain=False)
+    for seed, policy in load_policies(trained, "best").items():
+        assert_same(values_of(best, seed=seed, lesion="callosum"), evaluated(trained, policy, "callosum"))
+    efforts = [table[table["metric"] == "effort"]["value"] for table in (best, results[~results["retrained"]])]
+    assert not set(efforts[0]) & set(efforts[1])
+
+
+def test_without_retraining_there_is_one_condition(trained, results):
+    without = run_study(trained, retrain=False)
+    pd.testing.assert_frame_equal(without, results[~results["retrained"]].reset_index(drop=True), check_exact=True)
+
+
+def test_it_says_which_state_comes_next(trained):
+    heard = []
+    study = study_of(trained, only=0, lesions=("callosum",), retrain=False, trials=1)
+    study.run(lambda *arguments: heard.append(arguments))
+    assert study.names == ["intact", "callosum"]
+    assert heard == [(0, 2, "intact"), (1, 2, "callosum"), (2, 2, "")]
+
+
+# What is tested
+
+
+@pytest.fixture
+def tested(monkeypatch):
+    """Every network that trials were run with: its lesion and a copy of its weights."""
+    seen = []
+
+    class Watching(Evaluator):
+        def run(self, policy, deterministic=True):
+            assert deterministic
+            assert not policy.training
+            seen.append((policy.motor_network.lesion, copy.deepcopy(policy.motor_network.state_dict())))
+            return super().run(policy, deterministic)
+
+    monkeypatch.setattr(lesioning, "Evaluator", Watching)
+    return seen
+
+
+@pytest.mark.parametrize("profile", ["paper", "released"])
+def test_only_the_output_layer_of_a_tested_network_is_another_and_only_after_retraining(
+    trained, tested, same_bits, profile
+):
+    names = {"paper": list(LESIONS), "released": COMBINED}[profile]
+    run_study(trained, trials=1, profile=profile, lesions=tuple(names))
+    stored, table = network_states(trained), {"paper": LESIONS, "released": RELEASED_LESIONS}[profile]
+    states = [(name, retrained, seed) for name in ("intact", *names) for retrained in (False, True) for seed in stored]
+    assert len(tested) == len(states)
+    for (name, retrained, seed), (lesion, weights) in zip(states, tested, strict=True):
+        assert lesion == find_lesion(name, table)
+        assert weights.keys() == stored[seed].keys() > set(TRAINED)
+        changed = {key for key in weights if not same_bits(weights[key], stored[seed][key])}
+        assert changed == (set(TRAINED) if retrained else set()), (name, retrained, seed)
+
+
+def test_a_study_can_be_run_again(trained):
+    study = study_of(trained, only=0, lesions=("callosum",), trials=2)
+    pd.testing.assert_frame_equal(study.run(), study.run(), check_exact=True)
+
+
+# Profiles
+
+
+def test_the_released_profile_changes_the_combined_lesions_alone(trained, results):
+    released = run_study(trained, profile="released", lesions=("deep_dominant", "callosum", *COMBINED))
+    results = results[results["lesion"].isin(set(released["lesion"]))].reset_index(drop=True)
+    combined = results["lesion"].isin(COMBINED)
+    pd.testing.assert_frame_equal(released[~combined], results[~combined], check_exact=True)
+    for lesion in COMBINED:
+        policy = load_policy(trained, seed=1)
+        found = values_of(released, seed=1, lesion=lesion, retrained=False)
+        assert_same(found, evaluated(trained, policy, RELEASED_LESIONS[lesion]))
+        policy = retrained_by_hand(trained, 1, RELEASED_LESIONS[lesion], trained.config().bptt)
+        found = values_of(released, seed=1, lesion=lesion, retrained=True)
+        assert_same(found, evaluated(trained, policy, RELEASED_LESIONS[lesion]))
+        changed = (released["value"] != results["value"])[
+            (results["metric"] == "effort") & (results["lesion"] == lesion)
+        ]
+        assert changed.groupby(results["retrained"]).any().all()
+
+
+def test_the_profile_is_the_runs_unless_another_is_wanted(bptt_run, results):
+    with_config(bptt_run, profile="released", bptt={"penalty": "weights", "penalty_coefficient": 0.001})
+    own = run_study(bptt_run, only=0, lesions=(COMBINED[0],))
+    by_paper = run_study(bptt_run, only=0, lesions=(COMBINED[0],), profile="paper")
+    state = {"seed": 0, "lesion": COMBINED[0], "retrained": True}
+    assert_same(values_of(by_paper, **state), values_of(results, **state))
+    policy = retrained_by_hand(bptt_run, 0, RELEASED_LESIONS[COMBINED[0]], bptt_run.config().bptt)
+    assert_same(values_of(own, **state), evaluated(bptt_run, policy, RELEASED_LESIONS[COMBINED[0]]))
+
+
+def test_the_epoch_uses_the_loss_and_the_settings_of_the_run(bptt_run, results):
+    with_config(bptt_run, bptt={"penalty": "activity", "penalty_coefficient": 0.5, "learning_rate": 0.01})
+    found = run_study(bptt_run, only=0, lesions=("callosum",))
+    own = bptt_run.config().bptt
+    policy = retrained_by_hand(bptt_run, 0, LESIONS["callosum"], own, "activity", 0.5)
+    state = {"seed": 0, "lesion": "callosum", "retrained": True}
+    assert_same(values_of(found, **state), evaluated(bptt_run, policy, "callosum"))
+    assert values_of(found, **state)["effort"] != values_of(results, **state)["effort"]
+
+
+def test_an_unknown_profile_is_refused(trained):
+    with pytest.raises(UserError, match="'code'; choose from paper, released"):
+        study_of(trained, profile="code")
+
+
+# Runs of reinforcement learning
+
+
+@pytest.mark.parametrize("profile", [None, "released"])
+def test_a_reinforced_run_is_retrained_by_the_papers_loss(run, profile):
+    results = run_study(run, lesions=("callosum",), profile=profile, retraining_trials=128)
+    assert set(results["algo"]) == {"ppo"}
+    assert set(results["seed"]) == {0}
+    assert_same(values_of(results, lesion="callosum", retrained=False), evaluated(run, load_policy(run), "callosum"))
+    policy = retrained_by_hand(run, 0, LESIONS["callosum"], SupervisedConfig(trials=128))
+    assert_same(values_of(results, lesion="callosum", retrained=True), evaluated(run, policy, "callosum"))
+
+
+@pytest.mark.parametrize("setting", [{"sensory_noise": 0.01}, {"motor_noise": 0.01}, {"feedback_delay": 2}])
+def test_noise_and_delay_cannot_be_retrained_but_tested(run, setting):
+    with_config(run, trial=setting)
+    with pytest.raises(UserError, match="--no-retrain"):
+        study_of(run)
+    results = run_study(run, retrain=False, lesions=("callosum",), trials=2)
+    assert results["value"][results["metric"] == "effort"].notna().all()
+
+
+# What goes wrong
+
+
+def test_a_network_that_retraining_breaks_has_no_values_and_harms_no_other(trained, results, monkeypatch):
+    real, variables = Retraining.run, Layout(build_network(trained.config())).variables
+    (bias,) = [variable.offset for variable in variables if variable.name == "output.bias"]
+
+    def breaking(self, weights, seeds, lesion, *rest):
+        after = real(self, weights, seeds, lesion, *rest)
+        if lesion == LESIONS["shallow_dominant"]:
+            after[1, bias] = float("nan")
+        return after
+
+    monkeypatch.setattr(Retraining, "run", breaking)
+    found = run_study(trained, lesions=("shallow_dominant", "callosum"))
+    broken = (found["seed"] == 1) & (found["lesion"] == "shallow_dominant") & found["retrained"]
+    assert found["value"][broken].isna().all()
+    expected = results[results["lesion"].isin(["intact", "shallow_dominant", "callosum"])].reset_index(drop=True)
+    pd.testing.assert_frame_equal(found[~broken], expected[~broken], check_exact=True)
+
+
+def test_an_epoch_that_blows_up_brings_no_values(bptt_run):
+    with_config(bptt_run, bptt={"learning_rate": 1e39})
+    results = run_study(bptt_run, lesions=("callosum",), trials=2)
+    assert results["value"][results["retrained"]].isna().all()
+    assert results["value"][~results["retrained"] & (results["metric"] == "effort")].notna().all()
+
+
+def test_a_seed_that_the_run_has_not_is_refused(trained):
+    with pytest.raises(UserError, match="no seed 3; it has seeds 0 to 2"):
+        study_of(trained, only=3)
+
+
+def test_an_epoch_of_less_than_a_batch_is_refused(trained):
+    with pytest.raises(UserError, match="15 trials is less than one batch of 16"):
+        study_of(trained, retraining_trials=15)
+
+
+def test_a_network_of_one_side_has_one_state(tmp_path, small_bptt):
+    config = small_bptt("uni_dl", seeds=1)
+    folder = RunFolder.create(tmp_path, config)
+    torch.manual_seed(0)
+    states = {name: tensor[None] for name, tensor in build_network(config).state_dict().items()}
+    folder.save_weights("final", {"seeds": torch.tensor([0]), **states})
+    results = run_study(folder, trials=2)
+    assert set(results["lesion"]) == {"intact"}
+    assert set(results["retrained"]) == {False, True}

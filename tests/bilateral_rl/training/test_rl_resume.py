@@ -1,0 +1,94 @@
+"""A training that is stopped or killed, at any moment and again and again, ends as one that never was."""
+
+import random
+import signal
+import time
+
+import pytest
+from processes import is_saving, started, wait_until
+from rl_runs import ALGORITHMS, curves, differences, evaluations, small_rl
+from supervised_runs import Watch, with_values
+
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.training.run import resume, train
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_training_that_is_stopped_ends_with_the_bits_of_one_in_one_go(tmp_path, whole_run, algo):
+    config = small_rl(algo)
+    outcome = train(config, tmp_path, Watch(stop_at=300))
+    for stop_at in (700, float("inf")):
+        assert outcome.stopped_by == signal.SIGINT
+        assert 0 < outcome.done < config.timesteps
+        assert outcome.folder.status()["state"] == "interrupted"
+        progress = Watch(stop_at)
+        outcome = resume(RunFolder(outcome.folder.path), config, progress)
+        assert progress.started[0] < progress.steps[0]
+    assert outcome.stopped_by is None
+    assert differences(outcome.folder, whole_run(algo)) == []
+    assert outcome.folder.status() == whole_run(algo).status()
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_training_that_is_killed_ends_with_the_bits_of_one_in_one_go(tmp_path, whole_run, algo):
+    path, output = tmp_path / "random_reach" / f"cc_s-{algo}-1", tmp_path / "output"
+    generator = random.Random(0)
+    command = ["train", "--config", whole_run(algo).path / "config.yaml", "--out", tmp_path]
+    saved = []
+    for steps, during_a_save in ((300, False), (700, True)):
+        with started(*command, output=output) as process:
+            wait_until(lambda steps=steps: _steps(path) >= steps, process, output)
+            if during_a_save:
+                wait_until(lambda: is_saving(path), process, output, pause=0)
+            else:
+                time.sleep(generator.uniform(0.0, 0.05))
+            process.kill()
+            process.join()
+        assert process.exitcode == -signal.SIGKILL, output.read_text()
+        saved.append(_steps(path))
+        command = ["train", "--resume", path]
+    assert saved == sorted(saved)
+    assert saved[-1] < 1_600
+    resume(RunFolder(path), RunFolder(path).config())
+    assert not [*path.rglob(".*")]  # left behind
+    assert differences(RunFolder(path), whole_run(algo)) == []
+
+
+def _steps(path):
+    return RunFolder(path).status().get("timesteps", -1) if path.exists() else -1
+
+
+def test_what_was_logged_after_the_saved_state_is_logged_once(tmp_path, whole_run):
+    config = with_values(whole_run("ppo").config(), evaluation={"checkpoint_every": 10_000})
+    watch = Watch(stop_at=700)
+    with pytest.raises(KeyboardInterrupt):
+        train(config, tmp_path, _LeavesAtOnce(700))
+    (path,) = tmp_path.glob("*/*/")
+    folder = RunFolder(path)
+    assert folder.status()["timesteps"] == 0
+    assert len(evaluations(folder)) == 2
+    resume(folder, config, watch)
+    resume(folder, config)
+    steps = [int(row["timesteps"]) for row in evaluations(folder)]
+    assert steps == [int(row["timesteps"]) for row in evaluations(whole_run("ppo"))]
+    shown, expected = curves(folder), curves(whole_run("ppo"))
+    del shown["time/fps"], expected["time/fps"]
+    assert shown == expected
+
+
+class _LeavesAtOnce(Watch):
+    """Presses Ctrl-C twice."""
+
+    def on_step(self, done):
+        asked = self._stop_at
+        super().on_step(done)
+        if done >= asked:
+            signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_evaluations_and_saved_states_change_nothing(tmp_path, whole_run, algo):
+    rarely = {"every": 10_000, "checkpoint_every": 10_000}
+    quiet = train(small_rl(algo, evaluation=rarely), tmp_path).folder.load_weights("final")
+    busy = whole_run(algo).load_weights("final")
+    assert all(quiet[name].equal(busy[name]) for name in busy)
