@@ -2,7 +2,7 @@
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
 
-ALGORITHMS: dict[str, type[Hemispheric]] = {f"hemispheric_{name}": cls for name, cls in ALGORITHM_CLASSES.items()}
-"""What the zoo's ``--algo`` calls them."""
+ZOO_ALGORITHMS: dict[str, type[Hemispheric]] = {f"hemispheric_{name}": cls for name, cls in ALGORITHM_CLASSES.items()}
+"""The hemispheric algorithms by the names that rl_zoo3's ``--algo`` takes."""
 
-__all__ = ["ALGORITHMS"]
+__all__ = ["ZOO_ALGORITHMS"]

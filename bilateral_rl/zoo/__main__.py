@@ -8,7 +8,7 @@ import torch
 
 from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.io.errors import UserError, run_program
-from bilateral_rl.zoo import ALGORITHMS
+from bilateral_rl.zoo import ZOO_ALGORITHMS
 
 COMMANDS = ("train", "enjoy", "plot_train", "plot_from_file", "all_plots")
 _EXAMPLE = "python -m bilateral_rl.zoo train --algo hemispheric_ppo --env bilateral_rl/RandomReach-v0"
@@ -28,14 +28,14 @@ def register() -> None:
     from bilateral_rl.zoo.experiment import Experiment
     from bilateral_rl.zoo.search_spaces import CONVERTERS, SAMPLERS
 
-    rl_zoo3.ALGOS.update(ALGORITHMS)
+    rl_zoo3.ALGOS.update(ZOO_ALGORITHMS)
     HYPERPARAMS_SAMPLER.update(SAMPLERS)
     HYPERPARAMS_CONVERTER.update(CONVERTERS)
     rl_zoo3.train.ExperimentManager = Experiment  # type: ignore[attr-defined]
 
 
 def main() -> None:
-    """Run the command of the arguments."""
+    """Run the command that the command line names. Raises UserError for an unknown one, or without rl_zoo3."""
     if len(sys.argv) < 2:
         raise UserError(f"Say what to do, such as `{_EXAMPLE}`.")
     check_choice("command", sys.argv[1], COMMANDS)

@@ -13,35 +13,34 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmVecEnv
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies import POLICY_ALIASES
-from bilateral_rl.zoo import ALGORITHMS
-from bilateral_rl.zoo.hyperparameters import file_for, schedule
+from bilateral_rl.zoo import ZOO_ALGORITHMS
+from bilateral_rl.zoo.hyperparameters import parse_schedule, tuned_module
 
-TASKS = {env_id: task for task, env_id in ENVIRONMENT_IDS.items()}
+_TASK_OF_ENVIRONMENT = {env_id: task for task, env_id in ENVIRONMENT_IDS.items()}
 
 
 class Experiment(ExperimentManager):
     """An experiment with our tuned hyperparameters, and with arms simulated all at once.
 
-    Arguments as for rl_zoo3's; ``config``, the file of the hyperparameters, is by default ours where there is one.
+    The arguments are those of rl_zoo3's; ``config``, the source of the hyperparameters, is ours by default where we
+    have tuned some.
     """
 
     def __init__(self, args: Any, algo: str, env_id: str, *others: Any, **settings: Any) -> None:
-        ours = file_for(algo, env_id)
-        if ours and not settings.get("config"):
-            settings["config"] = str(ours)
+        settings["config"] = settings.get("config") or tuned_module(algo, env_id)
         super().__init__(args, algo, env_id, *others, **settings)
 
     @staticmethod
     def _preprocess_schedules(hyperparams: dict[str, Any]) -> dict[str, Any]:
-        """As rl_zoo3's, and ``lin_A_B`` too, for every hyperparameter."""
+        """Replace schedules in words by schedules: ``lin_A_B`` too, and for every hyperparameter."""
         texts = {name: value for name, value in hyperparams.items() if isinstance(value, str)}
-        schedules = {name: found for name, text in texts.items() if (found := schedule(text))}
+        schedules = {name: schedule for name, text in texts.items() if (schedule := parse_schedule(text))}
         others = {name: value for name, value in hyperparams.items() if name not in schedules}
         return ExperimentManager._preprocess_schedules(others) | schedules
 
     def _preprocess_normalization(self, hyperparams: dict[str, Any]) -> dict[str, Any]:
         hyperparams = super()._preprocess_normalization(hyperparams)
-        if self.algo in ALGORITHMS and self.normalize and self.normalize_kwargs.get("norm_reward", True):
+        if self.algo in ZOO_ALGORITHMS and self.normalize and self.normalize_kwargs.get("norm_reward", True):
             raise UserError(
                 f"{self.algo} takes a pair of rewards, which VecNormalize does not normalize: set reward_scale, and "
                 "normalize: {norm_reward: false} for the observations alone."
@@ -49,8 +48,8 @@ class Experiment(ExperimentManager):
         return hyperparams
 
     def create_envs(self, n_envs: int, eval_env: bool = False, no_log: bool = False) -> VecEnv:
-        """rl_zoo3's, but arms are one ``ArmVecEnv``, unless processes or a wrapper of each arm are asked for."""
-        task = TASKS.get(self.env_name.gym_id)
+        """Make the environments; arms are one ``ArmVecEnv``, unless each needs a process or a wrapper of its own."""
+        task = _TASK_OF_ENVIRONMENT.get(self.env_name.gym_id)
         if task is None or self.vec_env_class is not DummyVecEnv or self.env_wrapper is not None:
             return super().create_envs(n_envs, eval_env, no_log)
         arms = copy.copy(self)  # trials of a search may run in threads
@@ -58,7 +57,7 @@ class Experiment(ExperimentManager):
         return ExperimentManager.create_envs(arms, n_envs, eval_env, no_log)
 
     def _arms(self, task: str, eval_env: bool, no_log: bool) -> Callable[..., VecEnv]:
-        """What takes the place of ``DummyVecEnv``: of its arguments only the number of environments counts."""
+        """A stand-in for ``DummyVecEnv`` that reads only the number of environments from its arguments."""
         env_kwargs, file = (self.eval_env_kwargs, None) if eval_env else (self.env_kwargs, f"{self.save_path}/0")
         measures = self.monitor_kwargs.get("info_keywords", ("is_success",))
 
@@ -71,8 +70,8 @@ class Experiment(ExperimentManager):
         return make
 
     def hyperparameters_optimization(self) -> None:
-        """rl_zoo3's, for algorithms that have a search space for the policy."""
-        if self.algo not in ALGORITHMS and self._hyperparams.get("policy") in POLICY_ALIASES:
+        """Search as rl_zoo3 does. Raises UserError for a stock algorithm with our policies: no search space has them."""
+        if self.algo not in ZOO_ALGORITHMS and self._hyperparams.get("policy") in POLICY_ALIASES:
             raise UserError(
                 f"rl_zoo3's search space of {self.algo} is for its own policies; search with --algo "
                 f"hemispheric_{self.algo} -params loss:\"'combined'\", which trains the network on the same reward."

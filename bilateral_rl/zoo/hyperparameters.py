@@ -1,42 +1,54 @@
-"""The zoo's hyperparameter files, in rl_zoo3's form: what ``defaults.yaml`` holds for our environments.
-
-``python -m bilateral_rl.zoo.hyperparameters`` writes them anew.
-"""
+"""Hyperparameters for rl_zoo3, made from the tuned ones in ``bilateral_rl/config/defaults.yaml``."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import sys
+from types import ModuleType
 from typing import Any
 
-import yaml
-
+from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.parse import plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import RLConfig, TD3Config
 from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.runs.policies import policy_arguments
 from bilateral_rl.training.build import algorithm_arguments, linear_schedule
-from bilateral_rl.zoo import ALGORITHMS
+from bilateral_rl.zoo import ZOO_ALGORITHMS
 
-FOLDER = Path(__file__).parent / "hyperparams"
 POLICY = "CallosalPolicy"
 _LINEAR = "lin_"
-_HEADER = """\
-# Written by `python -m bilateral_rl.zoo.hyperparameters` from bilateral_rl/defaults.yaml, where they are tuned.
-# lin_A goes linearly from A to 0 over the training, lin_A_B from A to B.
-"""
-_STOCK_HEADER = "# They are the hemispheric algorithm's, and not tuned for the stock one.\n"
+_ONLY_HEMISPHERIC = frozenset({"loss", "weight_penalty", "reward_scale", "critic_warm_up"})
+"""Arguments that stock algorithms do not take."""
 
 
-def file_for(algo: str, env_id: str) -> Path | None:
-    """The file of this package with the hyperparameters of ``algo`` for ``env_id``; None where the zoo's own serves."""
-    ours = algo in ALGORITHMS or env_id in ENVIRONMENT_IDS.values()
-    path = FOLDER / f"{algo}.yml"
-    return path if ours and path.exists() else None
+class _TunedModule(ModuleType):
+    """What rl_zoo3's ``config`` can name: a module with the attribute ``hyperparams``.
+
+    A module in ``sys.modules`` rather than one file per algorithm, because rl_zoo3 writes into the dictionary that it
+    is given: every experiment needs a fresh one.
+    """
+
+    def __init__(self, name: str, algo: str) -> None:
+        super().__init__(name)
+        self._algo = algo
+
+    @property
+    def hyperparams(self) -> dict[str, dict[str, Any]]:
+        return hyperparameters(self._algo)
 
 
-def schedule(text: str) -> linear_schedule | None:
-    """The schedule that ``lin_A`` or ``lin_A_B`` stands for; None for any other text."""
+def tuned_module(algo: str, env_id: str) -> str | None:
+    """The name of the module with our hyperparameters of ``algo`` for ``env_id``; None to leave it to rl_zoo3's own."""
+    is_tuned = env_id in ENVIRONMENT_IDS.values() and algo.removeprefix("hemispheric_") in ALGORITHM_CLASSES
+    if algo not in ZOO_ALGORITHMS and not is_tuned:
+        return None
+    name = f"{__name__}.{algo}"
+    sys.modules[name] = _TunedModule(name, algo)
+    return name
+
+
+def parse_schedule(text: str) -> linear_schedule | None:
+    """The linear schedule that ``lin_A`` (from A to 0) or ``lin_A_B`` (from A to B) names; None for any other text."""
     if not text.startswith(_LINEAR):
         return None
     initial, _, final = text.removeprefix(_LINEAR).partition("_")
@@ -44,16 +56,21 @@ def schedule(text: str) -> linear_schedule | None:
 
 
 def hyperparameters(algo: str) -> dict[str, dict[str, Any]]:
-    """What the file of ``algo``, "hemispheric_ppo" or stock "ppo", holds for each environment."""
+    """Hyperparameters by environment, in rl_zoo3's form.
+
+    Args:
+        algo: a hemispheric algorithm, such as "hemispheric_ppo", or a stock one, such as "ppo". The values of a stock
+            algorithm are those of the hemispheric one, and not tuned for it.
+    """
     name = algo.removeprefix("hemispheric_")
     tuned = {env_id: _tuned(name, task) for task, env_id in ENVIRONMENT_IDS.items()}
-    if algo in ALGORITHMS:
+    if algo in ZOO_ALGORITHMS:
         return tuned | {"default": _other_environments(name)}
     return {env_id: _stock(values) for env_id, values in tuned.items()}
 
 
 def _other_environments(name: str) -> dict[str, Any]:
-    """What is not left to the algorithm, whose defaults are SB3's."""
+    """Hyperparameters for environments that are not ours; all others are left to the algorithm, as in SB3."""
     return {"policy": POLICY, "n_timesteps": 1_000_000} | (_noise(TD3Config()) if name == "td3" else {})
 
 
@@ -75,6 +92,7 @@ def _noise(config: TD3Config) -> dict[str, Any]:
 
 
 def _in_words(value: Any) -> Any:
+    """``value``, or the text that :func:`parse_schedule` reads where it is a schedule."""
     if not isinstance(value, linear_schedule):
         return value
     if value.initial == value.final:
@@ -83,21 +101,9 @@ def _in_words(value: Any) -> Any:
 
 
 def _stock(values: dict[str, Any]) -> dict[str, Any]:
-    """Without what only hemispheric algorithms take, and the entropy bonus, which does nothing in stock PPO and A2C."""
-    left_out = {"loss", "weight_penalty", "reward_scale", "critic_warm_up"}
-    if "gae_lambda" in values:
-        left_out.add("ent_coef")
+    """``values`` without the arguments of hemispheric algorithms alone.
+
+    The entropy bonus of stock PPO and A2C goes too: their estimate for a squashed Gaussian has no expected gradient.
+    """
+    left_out = _ONLY_HEMISPHERIC | ({"ent_coef"} if "gae_lambda" in values else set())
     return {key: value for key, value in values.items() if key not in left_out}
-
-
-def write(folder: Path = FOLDER) -> None:
-    """Write every file."""
-    for name in ALGORITHMS:
-        for algo in (name, name.removeprefix("hemispheric_")):
-            header = _HEADER if algo == name else _HEADER + _STOCK_HEADER
-            text = header + yaml.safe_dump(hyperparameters(algo), sort_keys=False)
-            (folder / f"{algo}.yml").write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    write()

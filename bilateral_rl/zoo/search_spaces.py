@@ -1,6 +1,6 @@
-"""What rl_zoo3's ``--optimize`` searches, for each hemispheric algorithm.
+"""The hyperparameters that rl_zoo3's ``--optimize`` searches, for each hemispheric algorithm.
 
-The sizes of the network are left alone: they are the model.
+The sizes of the network are not among them: they belong to the model.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import optuna
 from stable_baselines3.common.noise import NormalActionNoise
 
-from bilateral_rl.zoo.hyperparameters import schedule
+from bilateral_rl.zoo.hyperparameters import parse_schedule
 
 Values = dict[str, Any]
 Sampler = Callable[[optuna.Trial, int, int, Values], Values]
@@ -68,12 +68,13 @@ _SPACES: dict[str, Callable[[optuna.Trial], None]] = {
 
 
 def _on_policy_hyperparameters(params: Values) -> Values:
-    """What was suggested, as a hyperparameter file says it; learning rate and entropy bonus go to zero."""
+    """A trial's parameters in rl_zoo3's form; learning rate and entropy bonus decay to zero."""
     decaying = {name: f"lin_{params[name]}" for name in ("learning_rate", "ent_coef")}
     return _hyperparameters(params) | decaying
 
 
 def _hyperparameters(params: Values) -> Values:
+    """A trial's parameters in rl_zoo3's form."""
     values = dict(params)
     values["gamma"] = 1 - values.pop("one_minus_gamma")
     if "noise_std" in values:
@@ -87,18 +88,18 @@ CONVERTERS: dict[str, Callable[[Values], Values]] = {
     "hemispheric_sac": _hyperparameters,
     "hemispheric_td3": _hyperparameters,
 }
-"""From what a trial suggested to hyperparameters as a file holds them."""
+"""Functions from a trial's parameters to hyperparameters in rl_zoo3's form, in which schedules are text."""
 
 
 def _sampler(algo: str) -> Sampler:
     def sample(trial: optuna.Trial, n_actions: int, n_envs: int, additional_args: Values) -> Values:
-        """Hyperparameters of a trial, as the algorithm takes them."""
+        """Draw the hyperparameters of a trial, as arguments of the algorithm."""
         _SPACES[algo](trial)
         values = CONVERTERS[algo](trial.params)
         if values.pop("noise_type", None):
             std = np.full(n_actions, values.pop("noise_std"))
             values["action_noise"] = NormalActionNoise(np.zeros(n_actions), std)
-        return {name: (isinstance(value, str) and schedule(value)) or value for name, value in values.items()}
+        return {name: (isinstance(value, str) and parse_schedule(value)) or value for name, value in values.items()}
 
     return sample
 

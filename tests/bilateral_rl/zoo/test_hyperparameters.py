@@ -1,5 +1,6 @@
-"""The zoo's hyperparameter files hold what is tuned in ``defaults.yaml``."""
+"""The zoo's hyperparameters are those that are tuned in ``defaults.yaml``."""
 
+import importlib
 from argparse import Namespace
 
 import pytest
@@ -8,8 +9,8 @@ import yaml
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.training.build import build_algorithm, linear_schedule
-from bilateral_rl.zoo import ALGORITHMS
-from bilateral_rl.zoo.hyperparameters import FOLDER, file_for, schedule, write
+from bilateral_rl.zoo import ZOO_ALGORITHMS
+from bilateral_rl.zoo.hyperparameters import hyperparameters, parse_schedule, tuned_module
 
 HYPERPARAMETERS = (
     "n_envs", "lr_schedule", "clip_range", "gamma", "loss", "weight_penalty", "reward_scale", "ent_coef", "n_steps",
@@ -19,15 +20,17 @@ HYPERPARAMETERS = (
 )  # fmt: skip
 
 
-def test_the_files_are_those_that_the_tuned_settings_give(tmp_path):
-    """If this fails, run ``python -m bilateral_rl.zoo.hyperparameters``."""
-    write(tmp_path)
-    names = {path.name for path in tmp_path.iterdir()}
-    assert names == {path.name for path in FOLDER.iterdir()} == {f"{algo}.yml" for algo in ALGORITHMS} | {
-        "ppo.yml", "a2c.yml", "sac.yml", "td3.yml",
-    }  # fmt: skip
-    for name in names:
-        assert (tmp_path / name).read_text() == (FOLDER / name).read_text(), name
+@pytest.mark.parametrize("algo", [*ZOO_ALGORITHMS, "ppo", "a2c", "sac", "td3"])
+def test_rl_zoo3_imports_them_anew_each_time_as_plain_values(algo):
+    env_id = "bilateral_rl/HoldPosition-v0"
+    module = importlib.import_module(tuned_module(algo, env_id))
+    module.hyperparams[env_id].clear()  # rl_zoo3 writes into what it reads
+    assert module.hyperparams == hyperparameters(algo)
+    assert module.hyperparams[env_id]["policy"] == "CallosalPolicy"
+    assert yaml.safe_load(yaml.safe_dump(module.hyperparams)) == module.hyperparams
+    stock = algo not in ZOO_ALGORITHMS
+    assert stock == ("reward_scale" not in module.hyperparams[env_id])
+    assert stock == ("default" not in module.hyperparams)
 
 
 def course(value):
@@ -37,7 +40,7 @@ def course(value):
     return [float(value(left) if callable(value) else value) for left in (1.0, 0.5, 0.0)]
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
+@pytest.mark.parametrize("algo", ZOO_ALGORITHMS)
 @pytest.mark.parametrize("task", ENVIRONMENT_IDS)
 def test_the_zoo_builds_what_our_own_training_does(algo, task, tmp_path):
     pytest.importorskip("rl_zoo3")
@@ -49,7 +52,7 @@ def test_the_zoo_builds_what_our_own_training_does(algo, task, tmp_path):
     experiment = Experiment(Namespace(), algo, ENVIRONMENT_IDS[task], str(tmp_path), eval_freq=-1, device="cpu")
     zoos, _ = experiment.setup_experiment()
     ours = build_algorithm(config)
-    assert type(zoos) is type(ours) is ALGORITHMS[algo]
+    assert type(zoos) is type(ours) is ZOO_ALGORITHMS[algo]
     assert experiment.n_timesteps == config.timesteps
     for name in HYPERPARAMETERS:
         assert course(getattr(zoos, name, None)) == course(getattr(ours, name, None)), name
@@ -71,20 +74,19 @@ def test_the_zoo_builds_what_our_own_training_does(algo, task, tmp_path):
     ],
 )
 def test_schedules_in_words(text, found):
-    assert schedule(text) == found
+    assert parse_schedule(text) == found
 
 
 @pytest.mark.parametrize(
-    ("algo", "env_id", "name"),
+    ("algo", "env_id", "ours"),
     [
-        ("hemispheric_sac", "bilateral_rl/RandomReach-v0", "hemispheric_sac.yml"),
-        ("hemispheric_sac", "Pendulum-v1", "hemispheric_sac.yml"),
-        ("ppo", "bilateral_rl/HoldPosition-v0", "ppo.yml"),
-        ("ppo", "Pendulum-v1", None),
-        ("tqc", "bilateral_rl/RandomReach-v0", None),
+        ("hemispheric_sac", "bilateral_rl/RandomReach-v0", True),
+        ("hemispheric_sac", "Pendulum-v1", True),
+        ("ppo", "bilateral_rl/HoldPosition-v0", True),
+        ("ppo", "Pendulum-v1", False),
+        ("tqc", "bilateral_rl/RandomReach-v0", False),
     ],
 )
-def test_which_file_serves(algo, env_id, name):
-    path = file_for(algo, env_id)
-    assert (path.name if path else None) == name
-    assert path is None or yaml.safe_load(path.read_text()).keys() & {env_id, "default"}
+def test_where_ours_serve(algo, env_id, ours):
+    assert (tuned_module(algo, env_id) is not None) == ours
+    assert not ours or hyperparameters(algo).keys() & {env_id, "default"}

@@ -3,7 +3,7 @@
 import pytest
 
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.zoo import ALGORITHMS
+from bilateral_rl.zoo import ZOO_ALGORITHMS
 
 optuna = pytest.importorskip("optuna")
 pytest.importorskip("rl_zoo3")
@@ -25,7 +25,7 @@ def test_a_search_and_a_training_with_what_it_found(algo, zoo, tmp_path):
     assert all(trial.value < 0 for trial in study.trials)
     zoo(f"train {steps} --trial-id 1 --eval-freq -1 -params n_envs:4 {off_policy}")
     (model_file,) = (tmp_path / "logs" / algo).glob("*_2/*.zip")
-    model = ALGORITHMS[algo].load(model_file, device="cpu")
+    model = ZOO_ALGORITHMS[algo].load(model_file, device="cpu")
     found = study.trials[1].params
     assert model.gamma == pytest.approx(1 - found["one_minus_gamma"])
     assert model.reward_scale == found["reward_scale"]
@@ -37,7 +37,7 @@ def test_a_search_and_a_training_with_what_it_found(algo, zoo, tmp_path):
         assert model.action_noise.base_noise._sigma == pytest.approx([found["noise_std"]] * 6)
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
+@pytest.mark.parametrize("algo", ZOO_ALGORITHMS)
 def test_an_algorithm_takes_whatever_is_suggested(algo):
     from bilateral_rl.envs import ArmVecEnv
     from bilateral_rl.zoo.search_spaces import CONVERTERS, SAMPLERS
@@ -46,7 +46,7 @@ def test_an_algorithm_takes_whatever_is_suggested(algo):
     for _ in range(5):
         trial = study.ask()
         suggested = SAMPLERS[algo](trial, 6, 2, {})
-        model = ALGORITHMS[algo]("CallosalPolicy", ArmVecEnv(2), device="cpu", **suggested)
+        model = ZOO_ALGORITHMS[algo]("CallosalPolicy", ArmVecEnv(2), device="cpu", **suggested)
         from_file = CONVERTERS[algo](trial.params)
         assert 0.9 <= from_file["gamma"] == model.gamma < 1
         assert set(from_file) - {"noise_std", "noise_type", "use_rms_prop"} <= set(vars(model))

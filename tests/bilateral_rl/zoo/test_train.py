@@ -6,11 +6,11 @@ from stable_baselines3 import A2C, PPO, SAC, TD3
 
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.zoo import ALGORITHMS
+from bilateral_rl.zoo import ZOO_ALGORITHMS
 
 pytest.importorskip("rl_zoo3")
 
-EVERY_ALGORITHM = ALGORITHMS | {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
+EVERY_ALGORITHM = ZOO_ALGORITHMS | {"ppo": PPO, "a2c": A2C, "sac": SAC, "td3": TD3}
 
 
 @pytest.mark.parametrize("algo", EVERY_ALGORITHM)
@@ -48,7 +48,7 @@ def environments(monkeypatch):
 
     given = []
 
-    class Watched(ALGORITHMS["hemispheric_ppo"]):
+    class Watched(ZOO_ALGORITHMS["hemispheric_ppo"]):
         def __init__(self, *args, env, **kwargs):
             given.append(env)
             super().__init__(*args, env=env, **kwargs)
@@ -95,10 +95,10 @@ def test_evaluations_checkpoints_and_going_on(zoo, tmp_path):
     names = {path.name for path in first.iterdir()}
     assert {"best_model.zip", "rl_model_160_steps.zip", "rl_model_320_steps.zip"} <= names
     assert np.load(first / "evaluations.npz")["timesteps"].tolist() == [160, 320]
-    trained = ALGORITHMS["hemispheric_ppo"].load(first / "bilateral_rl-RandomReach-v0.zip", device="cpu")
+    trained = ZOO_ALGORITHMS["hemispheric_ppo"].load(first / "bilateral_rl-RandomReach-v0.zip", device="cpu")
     zoo(f"train {arm} -n 80 --eval-freq -1 -i {first}/bilateral_rl-RandomReach-v0.zip {quick} learning_rate:1e-12")
     second = first.with_name("bilateral_rl-RandomReach-v0_2")
-    went_on = ALGORITHMS["hemispheric_ppo"].load(second / "bilateral_rl-RandomReach-v0.zip", device="cpu")
+    went_on = ZOO_ALGORITHMS["hemispheric_ppo"].load(second / "bilateral_rl-RandomReach-v0.zip", device="cpu")
     for name, value in trained.policy.motor_network.state_dict().items():
         np.testing.assert_allclose(went_on.policy.motor_network.state_dict()[name], value, atol=1e-6)
 
@@ -117,7 +117,7 @@ def test_ones_own_environment_and_model(train, tmp_path, monkeypatch):
     options = "--gym-packages my_pendulum"
     train("hemispheric_td3", "mine/Pendulum-v0", 240, "policy:\"'BilateralPolicy'\" loss:\"'combined'\"", options)
     (folder,) = (tmp_path / "logs" / "hemispheric_td3").iterdir()
-    model = ALGORITHMS["hemispheric_td3"].load(folder / "mine-Pendulum-v0.zip", device="cpu")
+    model = ZOO_ALGORITHMS["hemispheric_td3"].load(folder / "mine-Pendulum-v0.zip", device="cpu")
     assert model.policy.motor_network.architecture == "bilateral"
     assert (model.loss, model.n_envs) == ("combined", 4)
     assert model.action_noise is not None
