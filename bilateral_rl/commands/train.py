@@ -18,6 +18,7 @@ from bilateral_rl.config import parse as settings
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.policies import initial_states, parse_run
 from bilateral_rl.training import run as training
 from bilateral_rl.training.session import Outcome, check_device
@@ -39,7 +40,7 @@ def train(
     console: Console,
 ) -> None:
     """Train from scratch: tuned defaults < file < --set < flags."""
-    layers = [settings.load_file(config_file)] if config_file else []
+    layers = [read_settings(config_file)] if config_file else []
     layers += [settings.parse_overrides(overrides), _nested(flags)]
     config = resolve(algo, task, layers, model=model)
     check_device(config.device)

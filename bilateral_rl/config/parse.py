@@ -1,4 +1,4 @@
-"""Settings as nested dictionaries: read safely, merged, and turned into typed dataclasses with clear errors."""
+"""Settings as nested dictionaries: merged, and turned into typed dataclasses with clear errors."""
 
 from __future__ import annotations
 
@@ -8,20 +8,12 @@ import math
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-import yaml
-
-from bilateral_rl.io import files
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import parse_yaml
 
 Values = dict[str, Any]
-LARGEST_FILE, MOST_NODES, DEEPEST, LONGEST_SCALAR = 2**20, 10_000, 20, 2_000
-"""Bounds of what is read as settings, in bytes, parts, levels and characters: far beyond use, as libyaml crashes at
-deep nesting and huge numbers take minutes."""
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The safe loader, ten times faster where libyaml is there."""
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
@@ -33,56 +25,6 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
     return merged
 
 
-def load_file(path: Path, within: Path | None = None) -> Values:
-    """Settings from a YAML or JSON file, read without executing anything in it.
-
-    Args:
-        path: the file.
-        within: the folder that it belongs to, as for :func:`bilateral_rl.io.files.read`.
-
-    Raises:
-        UserError: a file that cannot be read or holds anything but settings.
-    """
-    try:
-        values = parse(files.read(path, LARGEST_FILE, within).decode("utf-8"))
-    except FileNotFoundError as error:
-        raise UserError(f"Cannot read the configuration {path}: {error.strerror}.") from None
-    except ValueError as error:
-        raise UserError(f"The configuration {path} is neither YAML nor JSON: {_one_line(error)}.") from None
-    if not isinstance(values, dict):
-        raise UserError(f"The configuration {path} must hold settings by name, as `bilateral-rl train` writes them.")
-    return values
-
-
-def parse(text: str) -> Any:
-    """What YAML or JSON says, in plain numbers, words, lists and dictionaries.
-
-    Raises:
-        ValueError: other text; or what no settings need and a trap could be made of: tags, references to other parts
-            of the text, more than 10,000 parts or 20 levels, a part of more than 2,000 characters.
-    """
-    try:
-        _refuse_traps(text)
-        return yaml.load(text, Loader=_LOADER)
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from None
-
-
-def _refuse_traps(text: str) -> None:
-    depth = 0
-    for n, event in enumerate(yaml.parse(text, Loader=_LOADER)):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
-        if anchor is not None:
-            raise ValueError(f"it refers to parts of itself by the name {anchor!r}")
-        if tag is not None:
-            raise ValueError(f"it has the tag {tag!r}")
-        if len(getattr(event, "value", "")) > LONGEST_SCALAR:
-            raise ValueError(f"it has a part of more than {LONGEST_SCALAR:,} characters")
-        if n > MOST_NODES or depth > DEEPEST:
-            raise ValueError(f"it has more than {MOST_NODES:,} parts or {DEEPEST} levels")
-
-
 def parse_overrides(items: Sequence[str]) -> Values:
     """``["ppo.learning_rate=0.003"]`` as nested dictionaries. Raises UserError for text of another form."""
     values: Values = {}
@@ -91,7 +33,7 @@ def parse_overrides(items: Sequence[str]) -> Values:
         if not equals or not key:
             raise UserError(f"--set takes key=value, such as ppo.learning_rate=0.003, not {item!r}.")
         try:
-            value = parse(text)
+            value = parse_yaml(text)
         except ValueError:
             raise UserError(f"The value in --set {item!r} is neither a number, a word nor a list.") from None
         for part in reversed(key.split(".")):
@@ -167,7 +109,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, (tuple, list)):
         return [plain(v) for v in value]
     return value
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import torch
@@ -53,3 +54,12 @@ def load(path: Path, most: int, within: Path) -> Tensors:
     except (SafetensorError, OSError, ValueError, RuntimeError, TypeError, LookupError) as error:
         raise UserError(f"{path} is damaged: {error}.") from None
     return tensors
+
+
+def content_hash(tensors: Tensors) -> str:
+    """Compute a hash of names, types, shapes and values (SHA-256, its first 16 digits), whatever their order."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(tensors.items()):
+        digest.update(f"{name!r} {tensor.dtype} {list(tensor.shape)}\n".encode())
+        digest.update(tensor.detach().cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()[:16]

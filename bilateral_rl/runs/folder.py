@@ -18,7 +18,6 @@ from typing import Any
 import torch
 import yaml
 
-from bilateral_rl.config import parse as settings
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io import files
@@ -26,6 +25,7 @@ from bilateral_rl.io import tensors as tensor_files
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.io.tensors import Tensors
+from bilateral_rl.io.yaml_files import read_settings
 
 FINAL, BEST = "final", "best"
 """Names of weights."""
@@ -110,7 +110,7 @@ class RunFolder:
 
     def config(self) -> TrainConfig:
         """The resolved configuration. Raises UserError if it is damaged."""
-        values = settings.load_file(self.path / "config.yaml", within=self.path)
+        values = read_settings(self.path / "config.yaml", within=self.path)
         try:
             return resolve(None, None, [values])
         except UserError as error:
@@ -147,8 +147,18 @@ class RunFolder:
             raise UserError(f"The weights {name} of {self.path} are not finite numbers in {', '.join(broken)}.")
         return tensors
 
+    def weights_hash(self, name: str) -> str:
+        """Say in 16 characters which weights these are: results that carry another hash are of other weights.
+
+        It is that of the tensors' names, types, shapes and values, however the file arranges them.
+
+        Raises:
+            UserError: the weights are missing, damaged or not finite.
+        """
+        return tensor_files.content_hash(self.load_weights(name))
+
     def weight_names(self) -> list[str]:
-        """Names that :meth:`load_weights` takes."""
+        """List the names that :meth:`load_weights` takes."""
         return sorted(path.stem for path in (self.path / "weights").glob("*.safetensors"))
 
     def save_resume(self, tensors: Tensors) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import yaml
 
-from bilateral_rl.config import parse as settings
 from bilateral_rl.config.parse import Values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import refuse_traps, replacing
+from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.study.jobs import make_study_folder
 
 STUDY_FILE = "study.yaml"
@@ -26,7 +26,7 @@ def claim_folder(folder: Path, study: Values) -> None:
     refuse_traps(folder)
     path = folder / STUDY_FILE
     if path.is_file():
-        _check_same(path, settings.load_file(path, within=folder), study)
+        _check_same(path, read_settings(path, within=folder), study)
         return
     try:
         if any(folder.iterdir()):

@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.config.parse import load_file, merge, parse_overrides
+from bilateral_rl.config.parse import merge, parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
 from bilateral_rl.config.schema import BPTTConfig, PPORunConfig, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import read_settings
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -56,7 +57,7 @@ def test_a_configuration_survives_yaml_and_json(tmp_path, algo):
     config = resolve(algo, "hold_position", [{"trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}])
     for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
         (tmp_path / name).write_text(text)
-        assert resolve(None, None, [load_file(tmp_path / name)]) == config
+        assert resolve(None, None, [read_settings(tmp_path / name)]) == config
 
 
 def test_overrides_are_read_as_numbers_words_and_lists():
@@ -176,7 +177,7 @@ def test_an_override_of_another_form_is_refused(item):
 def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
     (tmp_path / "c.yaml").write_text(text)
     with pytest.raises(UserError):
-        load_file(tmp_path / "c.yaml")
+        read_settings(tmp_path / "c.yaml")
 
 
 @given(st.dictionaries(st.sampled_from("abc"), st.integers()), st.dictionaries(st.sampled_from("abc"), st.integers()))
@@ -264,4 +265,4 @@ def test_a_supervised_configuration_survives_yaml_and_json(tmp_path):
     config = resolve("bptt", "hold_position", [values], model="bi_s")
     for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
         (tmp_path / name).write_text(text)
-        assert resolve(None, None, [load_file(tmp_path / name)]) == config
+        assert resolve(None, None, [read_settings(tmp_path / name)]) == config

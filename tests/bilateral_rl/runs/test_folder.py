@@ -68,6 +68,18 @@ def test_weights_that_are_not_finite_are_refused(run):
         run.load_weights("final")
 
 
+def test_a_hash_tells_which_weights_a_file_holds(run):
+    before = run.weights_hash("final")
+    weights = run.load_weights("final")
+    run.save_weights("final", dict(reversed(weights.items())))
+    assert run.weights_hash("final") == before
+    weights["log_std"][0] += 1
+    run.save_weights("final", weights)
+    assert run.weights_hash("final") != before
+    with pytest.raises(UserError, match="best, final"):
+        run.weights_hash("finale")
+
+
 def test_missing_weights_are_refused_naming_those_there_are(run):
     with pytest.raises(UserError, match="best, final"):
         run.load_weights("finale")

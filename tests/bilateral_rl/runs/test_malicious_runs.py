@@ -18,11 +18,11 @@ import yaml
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.commands import app as cli
-from bilateral_rl.config.parse import load_file
 from bilateral_rl.figures.style import forget_working_folder
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import save
 from bilateral_rl.io.terminal import Terminal
+from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, network_states
 from bilateral_rl.study.folder import claim_folder
@@ -240,7 +240,7 @@ def test_a_configuration_that_is_given_may_be_a_pipe_but_no_trap(run, refused, c
     os.mkfifo(pipe)
     text = (run.path / "config.yaml").read_text()
     with subprocess.Popen(["sh", "-c", f"cat {run.path / 'config.yaml'} > {pipe}"]):
-        assert yaml.safe_dump(load_file(pipe), sort_keys=False) == text
+        assert yaml.safe_dump(read_settings(pipe), sort_keys=False) == text
 
 
 # Weights

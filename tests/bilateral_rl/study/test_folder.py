@@ -3,9 +3,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from bilateral_rl.config import parse as settings
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.study import folder as module
 from bilateral_rl.study.folder import STUDY_FILE, claim_folder
 from bilateral_rl.study.plan import Study
@@ -21,7 +21,7 @@ def values(**changes):
 def test_a_folder_says_which_study_it_holds_and_takes_it_again(tmp_path):
     folder = tmp_path / "deep" / "study"
     claim_folder(folder, values())
-    assert settings.load_file(folder / STUDY_FILE) == values()
+    assert read_settings(folder / STUDY_FILE) == values()
     written = (folder / STUDY_FILE).read_bytes()
     (folder / "results").mkdir()
     claim_folder(folder, values())
