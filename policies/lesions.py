@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 from bilateral_rl.vocabulary import SIDES, Side
 
+INTACT = "intact"
+"""The name of a network without a lesion, in files, tables and on the command line."""
+
 
 @dataclass(frozen=True)
 class Lesion:
-    """What a lesion takes away.
+    """The parts of a network that are switched off; by default none is.
 
     Args:
         input_of: the side whose input is zero; its biases still flow, also over the callosum.
@@ -30,7 +33,8 @@ class Lesion:
                 raise ValueError(f"unknown side {side!r}; choose from {', '.join(SIDES)}.")
 
 
-INTACT = Lesion()
+NO_LESION = Lesion()
+"""The state of an intact network."""
 
 LESIONS: dict[str, Lesion] = {
     "shallow_dominant": Lesion(input_of="dominant"),
@@ -41,24 +45,28 @@ LESIONS: dict[str, Lesion] = {
     "callosum_deep_dominant": Lesion(output_of="dominant", callosum=True),
     "callosum_deep_non_dominant": Lesion(output_of="non_dominant", callosum=True),
 }
-"""The paper's lesions by name."""
+"""The paper's seven lesions by name."""
 
 RELEASED_LESIONS: dict[str, Lesion] = LESIONS | {
     "callosum_deep_dominant": Lesion(input_of="dominant", callosum=True),
     "callosum_deep_non_dominant": Lesion(input_of="non_dominant", callosum=True),
 }
-"""The released code's: its combined lesions zero the side's input, not its output."""
+"""The seven lesions as the paper's released code has them: the combined ones zero a side's input, not its output."""
 
 
 def find_lesion(name: str, lesions: dict[str, Lesion] = LESIONS) -> Lesion:
-    """The lesion called ``name`` ("intact" is none). Raises ValueError naming the valid choices."""
-    if name == "intact":
-        return INTACT
+    """Return the lesion called ``name``, or :data:`NO_LESION` for "intact".
+
+    Raises:
+        ValueError: an unknown name; the message lists the valid ones.
+    """
+    if name == INTACT:
+        return NO_LESION
     if name not in lesions:
-        raise ValueError(f"unknown lesion {name!r}; choose from {', '.join(['intact', *lesions])}.")
+        raise ValueError(f"unknown lesion {name!r}; choose from {', '.join([INTACT, *lesions])}.")
     return lesions[name]
 
 
 def lesion_words(name: str) -> str:
-    """The name of a lesion, or "intact", as people read it: ``callosum, deep non-dominant``."""
+    """Return the name of a lesion, or "intact", as people read it: ``callosum, deep non-dominant``."""
     return name.replace("non_dominant", "non-dominant").replace("callosum_", "callosum, ").replace("_", " ")

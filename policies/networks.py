@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor, nn
 
-from bilateral_rl.policies.lesions import INTACT, LESIONS, Lesion, find_lesion
+from bilateral_rl.policies.lesions import LESIONS, NO_LESION, Lesion, find_lesion
 from bilateral_rl.vocabulary import GROUPS, SIDES, Architecture, Side
 
 
@@ -38,7 +38,7 @@ class MotorNetwork(nn.Module):
             if value < 1:
                 raise ValueError(f"{name} must be at least 1, got {value}.")
         self.n_inputs, self.n_outputs, self.units, self.layers = n_inputs, n_outputs, units, layers
-        self.lesion = INTACT
+        self.lesion = NO_LESION
 
     def forward(self, observation: Tensor) -> Tensor:
         """(…, n_inputs) to (…, n_outputs), before the sigmoid."""
@@ -87,7 +87,7 @@ class MotorNetwork(nn.Module):
             self.lesion = before
 
     def _check_lesion(self, lesion: Lesion, name: str) -> None:
-        if lesion != INTACT:
+        if lesion != NO_LESION:
             raise ValueError(f"a {self.architecture} network has no hemispheres to lesion ({name}).")
 
 

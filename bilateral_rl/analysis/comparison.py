@@ -11,7 +11,7 @@ import pandas as pd
 
 from bilateral_rl.analysis.bootstrap import bootstrap_difference, bootstrap_mean, bootstrap_ratio
 from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g
-from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.analysis.samples import Float, align, finite, join_notes
 from bilateral_rl.analysis.statistics import (
     OmnibusTest,
@@ -23,6 +23,7 @@ from bilateral_rl.analysis.statistics import (
     welch_anova,
 )
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import INTACT
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from bilateral_rl.config.catalogue import ALGORITHMS, MAX_SEEDS, MODELS
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.lesions import LESIONS
+from bilateral_rl.policies.lesions import INTACT, LESIONS
 
 COLUMNS = ("model", "task", "algo", "seed", "lesion", "retrained", "metric", "value")
 """Of the table: ``lesion`` is "intact" or a lesion's name, ``retrained`` whether the output layer was trained for one
@@ -18,8 +18,6 @@ epoch after it, ``metric`` a name that :mod:`bilateral_rl.analysis.metrics` know
 trials in the metric's unit (nan where no trial has one)."""
 
 _KINDS = dict(zip(COLUMNS, (str, str, str, int, str, bool, str, float), strict=True))
-
-INTACT = "intact"
 
 
 def read_results(path: Path) -> pd.DataFrame:

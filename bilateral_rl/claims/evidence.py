@@ -8,13 +8,12 @@ import pandas as pd
 
 from bilateral_rl.analysis.comparison import values_by_seed
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric, threshold_name
-from bilateral_rl.analysis.results import INTACT
 from bilateral_rl.analysis.samples import finite
 from bilateral_rl.analysis.statistics import PairTest, games_howell, tukey_hsd
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.lesions import lesion_words
+from bilateral_rl.policies.lesions import INTACT, lesion_words
 from bilateral_rl.vocabulary import Side
 
 OTHER: dict[Side, Side] = {"dominant": "non_dominant", "non_dominant": "dominant"}

@@ -13,13 +13,14 @@ from rich.console import Console
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
-from bilateral_rl.analysis.results import COLUMNS, INTACT, read_results
+from bilateral_rl.analysis.results import COLUMNS, read_results
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
 from bilateral_rl.commands.lesion import RESULTS, default_place
 from bilateral_rl.commands.writing import apart_from, write
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, parse_run
 

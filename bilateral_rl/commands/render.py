@@ -11,11 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import track
 
-from bilateral_rl.analysis.results import INTACT
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.lesions import LESIONS
+from bilateral_rl.policies.lesions import INTACT, LESIONS
 from bilateral_rl.runs.folder import FINAL
 from bilateral_rl.video import files
 from bilateral_rl.video.cast import Actor, common_trials, labels

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.intervals import Interval, mean_interval
-from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.figures.labels import MetricLike, axis_label, lesion_label, model_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import dress, marker_handle, model_style, new_figure, set_note, set_title_and_legend
-from bilateral_rl.policies.lesions import LESIONS
+from bilateral_rl.policies.lesions import INTACT, LESIONS
 
 _PANEL_HEIGHT = 1.6
 _SHIFT = 0.19

@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.figures.labels import MetricLike, axis_label, model_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import dress, in_order, model_style, new_figure, set_note, set_title
+from bilateral_rl.policies.lesions import INTACT
 
 _PANEL_HEIGHT = 1.75
 

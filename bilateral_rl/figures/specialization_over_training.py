@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from bilateral_rl.analysis.metrics import ALONE, specialization_index
-from bilateral_rl.analysis.results import INTACT
 from bilateral_rl.figures.curves import PREFERRED, PROGRESS, carried_forward, interval_over_seeds
 from bilateral_rl.figures.hemispheres import DOMINANT_STYLE, NON_DOMINANT_STYLE
 from bilateral_rl.figures.labels import axis_label, model_label, task_label
@@ -21,6 +20,7 @@ from bilateral_rl.figures.style import (
     set_note,
     set_title_and_legend,
 )
+from bilateral_rl.policies.lesions import INTACT
 
 _STATES = {
     INTACT: ("intact", ModelStyle(INK, "^", (0, (1, 1)))),

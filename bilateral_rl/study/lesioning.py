@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import pandas as pd
 
 from bilateral_rl.analysis.metrics import Metric, measure, metrics_of
-from bilateral_rl.analysis.results import COLUMNS, INTACT
+from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.config.schema import BPTTConfig, SupervisedConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, Lesion, find_lesion
+from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.study.retraining import Retraining

@@ -13,11 +13,11 @@ from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by
 from bilateral_rl.analysis.formats import number, p_text, spread
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric, specialization_index
-from bilateral_rl.analysis.results import INTACT, by_seed
+from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.analysis.statistics import OmnibusTest, anova, welch_anova
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.labels import model_label, task_label, with_unit
-from bilateral_rl.policies.lesions import LESIONS, lesion_words
+from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
 from bilateral_rl.study.lesioning import THRESHOLDS
 
 _SPREAD_NOTE = "Mean ± standard deviation over the seeds."

@@ -11,7 +11,6 @@ from stable_baselines3.common.logger import Figure as LoggedFigure
 from stable_baselines3.common.logger import TensorBoardOutputFormat
 
 from bilateral_rl.analysis.metrics import ALONE, find_metric, preferred_metric, specialization_index
-from bilateral_rl.analysis.results import INTACT
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
@@ -20,6 +19,7 @@ from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.callbacks import BetweenIterations
 

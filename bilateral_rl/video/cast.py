@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from bilateral_rl.analysis.results import INTACT
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import printable
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, lesion_words
+from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, lesion_words
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, parse_run
 from bilateral_rl.video.film import Take

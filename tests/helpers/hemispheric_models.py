@@ -17,7 +17,6 @@ ON_POLICY = (HemisphericPPO, HemisphericA2C)
 OFF_POLICY = (HemisphericSAC, HemisphericTD3)
 ALGORITHMS = ON_POLICY + OFF_POLICY
 STOCK = {HemisphericPPO: PPO, HemisphericA2C: A2C, HemisphericSAC: SAC, HemisphericTD3: TD3}
-SIDES = ("dominant", "non_dominant")
 MIX = {
     "combined": [[0.5, 0.5]],
     "dominant": [[1.0, 0.0]],

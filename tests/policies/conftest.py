@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from bilateral_rl.policies import MotorNetwork, make_network
-from bilateral_rl.policies.lesions import INTACT, Lesion
+from bilateral_rl.policies.lesions import NO_LESION, Lesion
 
 MakeNetwork = Callable[..., MotorNetwork]
 
@@ -27,7 +27,7 @@ def _random_network(architecture, n_inputs=16, n_outputs=6, units=10, layers=2, 
     return network
 
 
-def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: Lesion = INTACT) -> np.ndarray:
+def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: Lesion = NO_LESION) -> np.ndarray:
     """The output before the sigmoid, from paper section 1 and 6, unit by unit in NumPy."""
     weights = {name: value.detach().double().numpy() for name, value in network.named_parameters()}
 

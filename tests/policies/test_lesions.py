@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from bilateral_rl.policies import LESIONS, Lesion, make_network
-from bilateral_rl.policies.lesions import INTACT, RELEASED_LESIONS, find_lesion
+from bilateral_rl.policies.lesions import NO_LESION, RELEASED_LESIONS, find_lesion
+from bilateral_rl.vocabulary import SIDES
 
-SIDES = ["dominant", "non_dominant"]
 WITHOUT_CALLOSUM = [f"{depth}_{side}" for depth in ("shallow", "deep") for side in SIDES]
 CALLOSAL_ONLY = ["callosum", "callosum_deep_dominant", "callosum_deep_non_dominant"]
 POSSIBLE = [
@@ -34,7 +34,7 @@ def raise_inside(network, lesion):
 def test_there_are_the_papers_seven_lesions():
     assert set(LESIONS) == {*WITHOUT_CALLOSUM, *CALLOSAL_ONLY}
     assert len(set(LESIONS.values())) == 7
-    assert INTACT not in LESIONS.values()
+    assert NO_LESION not in LESIONS.values()
 
 
 @pytest.mark.parametrize(("architecture", "lesion"), POSSIBLE)
@@ -73,7 +73,7 @@ def test_a_lesion_is_lifted_after_an_exception(random_network):
     network = random_network("callosal")
     with pytest.raises(RuntimeError, match="experiment failed"):
         raise_inside(network, "callosum")
-    assert network.lesion == INTACT
+    assert network.lesion == NO_LESION
 
 
 def test_nested_lesions_give_back_the_outer_one(random_network):
@@ -83,10 +83,10 @@ def test_nested_lesions_give_back_the_outer_one(random_network):
         with pytest.raises(RuntimeError):
             raise_inside(network, "callosum")
         with network.lesioned("intact"):
-            assert network.lesion == INTACT
+            assert network.lesion == NO_LESION
         assert network.lesion == LESIONS["shallow_dominant"]
         assert torch.equal(output(network), outer)
-    assert network.lesion == INTACT
+    assert network.lesion == NO_LESION
 
 
 def test_a_lesion_stays_until_set_to_intact(random_network):
@@ -105,7 +105,7 @@ def test_a_lesion_that_the_architecture_cannot_have_is_refused_by_name(architect
         network.set_lesion(lesion)
     with pytest.raises(ValueError, match=reason), network.lesioned(LESIONS[lesion]):
         pass
-    assert network.lesion == INTACT
+    assert network.lesion == NO_LESION
 
 
 @pytest.mark.parametrize("architecture", ["unilateral", "bilateral", "callosal"])

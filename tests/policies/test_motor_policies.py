@@ -17,10 +17,10 @@ from bilateral_rl.policies import (
     BilateralSACPolicy,
     BilateralTD3Policy,
 )
+from bilateral_rl.vocabulary import SIDES
 
 OBSERVATIONS = spaces.Box(-1.0, 1.0, (16,))
 MUSCLES = spaces.Box(-1.0, 1.0, (6,))
-SIDES = ("dominant", "non_dominant")
 ALIASES = {
     BilateralActorCriticPolicy: POLICY_ALIASES,
     BilateralSACPolicy: SAC_ALIASES,

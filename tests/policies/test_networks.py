@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from bilateral_rl.policies import ARCHITECTURES, GROUPS, make_network
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
+from bilateral_rl.vocabulary import SIDES
 
 REFERENCE = Path(__file__).parents[1] / "data" / "networks.npz"
 RELEASED_NAMES = {"uni": "unilateral", "bi": "bilateral", "cc": "callosal"}
@@ -141,7 +142,7 @@ def test_each_side_owns_its_layers_and_the_rest_is_shared(random_network):
     assert names_of(random_network("unilateral"), "shared") == list(random_network("unilateral").state_dict())
     for architecture in ("bilateral", "callosal"):
         network = random_network(architecture)
-        for side in ("dominant", "non_dominant"):
+        for side in SIDES:
             layers = [f"{side}.{k}.{kind}" for k in range(2) for kind in ("weight", "bias")]
             assert names_of(network, side) == layers
         shared = {"combination_dominant", "combination_non_dominant", "output.weight", "output.bias"}
@@ -184,7 +185,7 @@ def test_an_unknown_architecture_is_refused_naming_the_valid_ones():
 def received(network, observation):
     """What enters each side's second hidden layer."""
     inputs = {}
-    for side in ("dominant", "non_dominant"):
+    for side in SIDES:
         hook = getattr(network, side)[1].register_forward_pre_hook(lambda _, x, side=side: inputs.update({side: x[0]}))
         try:
             network(observation)
@@ -204,7 +205,7 @@ def callosal_network_with_first_layer_activity(dominant, non_dominant):
     return network
 
 
-@pytest.mark.parametrize("sender", ["dominant", "non_dominant"])
+@pytest.mark.parametrize("sender", SIDES)
 def test_the_callosum_sends_the_papers_example(sender):
     # [1, 5, 2, 3, 9] sends [0, 0, 0, 5, 3]; a tenth of it, as activity is a tanh.
     activity, silence = [0.1, 0.5, 0.2, 0.3, 0.9], [0.0] * 5
@@ -231,7 +232,7 @@ def test_without_a_callosum_the_sides_do_not_talk(random_network):
     torch.testing.assert_close(received(network, observation)["non_dominant"], before, rtol=0, atol=0)
 
 
-@pytest.mark.parametrize("side", ["dominant", "non_dominant"])
+@pytest.mark.parametrize("side", SIDES)
 def test_a_sides_weights_act_through_the_other_side_only_over_an_intact_callosum(random_network, side):
     """With the side's own way to the output closed, only the callosum is left."""
     observation, weights = torch.randn(8, 16), torch.randn(8, 6)

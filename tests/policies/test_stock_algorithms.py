@@ -18,6 +18,7 @@ from bilateral_rl.policies import (
     BilateralSACPolicy,
     BilateralTD3Policy,
 )
+from bilateral_rl.vocabulary import SIDES
 
 ALGORITHMS = {
     PPO: (BilateralActorCriticPolicy, POLICY_ALIASES),
@@ -27,7 +28,6 @@ ALGORITHMS = {
 }
 SINGLE = {PPO: {"batch_size": 20}, A2C: {}, SAC: {"learning_starts": 8}, TD3: {"learning_starts": 8}}
 """Settings for a single environment, of which a rollout has twenty steps."""
-SIDES = ("dominant", "non_dominant")
 
 assert set(ALGORITHMS) == set(STOCK.values())
 algorithms = pytest.mark.parametrize("algorithm", ALGORITHMS)

@@ -8,7 +8,6 @@ from gymnasium import spaces
 from hemispheric_models import (
     ALGORITHMS,
     OFF_POLICY,
-    SIDES,
     STOCK,
     WHOLE_ROLLOUT,
     RandomEnds,
@@ -28,6 +27,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from bilateral_rl.algorithms import HemisphericA2C
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.policies import POLICY_ALIASES, SAC_ALIASES
+from bilateral_rl.vocabulary import SIDES
 
 pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
 all_models = pytest.mark.parametrize(

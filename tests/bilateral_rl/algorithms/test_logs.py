@@ -6,7 +6,6 @@ from hemispheric_models import (
     ALGORITHMS,
     MIX,
     OFF_POLICY,
-    SIDES,
     Recorder,
     arm,
     learn_logged,
@@ -17,6 +16,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from bilateral_rl.algorithms import HemisphericTD3
 from bilateral_rl.envs import ArmEnv
+from bilateral_rl.vocabulary import SIDES
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

@@ -22,6 +22,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from bilateral_rl.algorithms import HemisphericSAC, HemisphericTD3
+from bilateral_rl.vocabulary import SIDES
 
 GAMMA, TEMPERATURE = 0.9, 0.3
 
@@ -119,7 +120,7 @@ def test_critics_are_trained_towards_their_streams_target(monkeypatch, algorithm
     losses, values = critic_losses(model, batch, seed=4)
     torch.manual_seed(4)
     routed = gradients_of_update(model)
-    for stream, name in enumerate(["dominant", "non_dominant"] if loss == "specialized" else ["combined"]):
+    for stream, name in enumerate(SIDES if loss == "specialized" else ["combined"]):
         assert model.logger.name_to_value[f"critic_loss/{name}"] == pytest.approx(losses[stream].item(), rel=1e-4)
         assert model.logger.name_to_value[f"value/{name}"] == pytest.approx(values[stream], rel=1e-3, abs=1e-5)
         for k in range(stream * n_critics, (stream + 1) * n_critics):

@@ -6,7 +6,6 @@ import pytest
 import torch
 from hemispheric_models import (
     OFF_POLICY,
-    SIDES,
     changed,
     collect,
     gradients_of_update,
@@ -18,6 +17,7 @@ from hemispheric_models import (
 )
 
 from bilateral_rl.algorithms import HemisphericSAC
+from bilateral_rl.vocabulary import SIDES
 
 TEMPERATURE = 0.3
 

@@ -6,7 +6,6 @@ import torch
 from hemispheric_models import (
     ON_POLICY,
     ROLLOUT,
-    SIDES,
     WHOLE_ROLLOUT,
     changed,
     collect,
@@ -16,6 +15,8 @@ from hemispheric_models import (
     names_by_group,
     weights,
 )
+
+from bilateral_rl.vocabulary import SIDES
 
 pytestmark = pytest.mark.parametrize("algorithm", ON_POLICY)
 

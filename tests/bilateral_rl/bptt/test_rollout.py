@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bilateral_rl.bptt.rollout import TrajectoryGradients
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.envs import ArmParameters
-from bilateral_rl.policies.lesions import INTACT, RELEASED_LESIONS, find_lesion
+from bilateral_rl.policies.lesions import NO_LESION, RELEASED_LESIONS, find_lesion
 
 # Every one of these costs a compilation: other tests use the same.
 SHAPES = [
@@ -68,7 +68,7 @@ def lesions_of(network):
     """Every state that its architecture can have, the released code's own lesions too."""
     available = [find_lesion(name) for name in network.available_lesions()]
     own = [lesion for lesion in RELEASED_LESIONS.values() if lesion not in available]
-    return [INTACT, *available, *(own if network.architecture == "callosal" else [])]
+    return [NO_LESION, *available, *(own if network.architecture == "callosal" else [])]
 
 
 def weighted(term_weights, terms):
@@ -198,7 +198,7 @@ def test_a_network_is_restored_from_its_lesion(random_networks, make_rollout, tr
     rollout.forward()
     assert not torch.equal(rollout.hand, before[2])
     assert not torch.equal(rollout.backward(TERM_WEIGHTS[:1]), gradient)
-    rollout.set_lesions([INTACT])
+    rollout.set_lesions([NO_LESION])
     rollout.forward()
     assert all(torch.equal(getattr(rollout, name), old) for name, old in zip(trajectories, before, strict=True))
     assert torch.equal(rollout.backward(TERM_WEIGHTS[:1]), gradient)
@@ -207,7 +207,7 @@ def test_a_network_is_restored_from_its_lesion(random_networks, make_rollout, tr
 def test_every_network_needs_its_lesion(random_networks, make_rollout):
     rollout = make_rollout(random_networks(*PAPERS, n=3))
     with pytest.raises(ValueError):  # noqa: PT011
-        rollout.set_lesions([INTACT] * 2)
+        rollout.set_lesions([NO_LESION] * 2)
 
 
 def test_another_arm_has_its_own_trajectories_and_gradients(

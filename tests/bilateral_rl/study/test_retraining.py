@@ -9,7 +9,7 @@ from bilateral_rl.config.schema import SupervisedConfig
 from bilateral_rl.envs import Arm
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trials import TrialSettings
-from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, find_lesion
+from bilateral_rl.policies.lesions import LESIONS, NO_LESION, RELEASED_LESIONS, find_lesion
 from bilateral_rl.study.retraining import TRAINED, Retraining
 from bilateral_rl.vocabulary import PENALTIES
 
@@ -83,7 +83,7 @@ def test_only_the_output_layer_changes(random_networks, rows_of, same_bits, arch
     layout = Layout(networks[0])
     rows = rows_of(layout, [dict(network.named_parameters()) for network in networks])
     before, given = by_name(layout, rows), rows.clone()
-    after = by_name(layout, make(layout, penalty=penalty, coefficient=PENALTIES[penalty]).run(rows, SEEDS, INTACT))
+    after = by_name(layout, make(layout, penalty=penalty, coefficient=PENALTIES[penalty]).run(rows, SEEDS, NO_LESION))
     assert same_bits(rows, given), "the weights given must not change"
     for name in before:
         assert same_bits(before[name], after[name]) == (name not in TRAINED), name
@@ -117,7 +117,7 @@ def test_its_trials_are_others_than_those_of_training():
 
 def test_it_says_how_far_it_is(networks, rows):
     heard = []
-    make(Layout(networks[0])).run(rows, SEEDS, INTACT, heard.append)
+    make(Layout(networks[0])).run(rows, SEEDS, NO_LESION, heard.append)
     assert heard == [1, 2, 3]
 
 
@@ -125,5 +125,5 @@ def test_a_network_beyond_all_numbers_harms_no_other(networks, rows, same_bits):
     layout = Layout(networks[0])
     broken = rows.clone()
     broken[0] = 1e38
-    after = make(layout).run(broken, SEEDS, INTACT)
-    assert same_bits(after[1], make(layout).run(rows, SEEDS, INTACT)[1])
+    after = make(layout).run(broken, SEEDS, NO_LESION)
+    assert same_bits(after[1], make(layout).run(rows, SEEDS, NO_LESION)[1])
