@@ -21,7 +21,7 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
     """Actor-critic policy whose actor is one of the paper's networks.
 
     An action is ``tanh`` of a Gaussian around half the network's output before its sigmoid, rescaled to the action
-    space: as sigmoid(z) = (tanh(z / 2) + 1) / 2, the deterministic action on muscles commanded in [-1, 1] is exactly
+    space. As sigmoid(z) = (tanh(z / 2) + 1) / 2, the deterministic action on muscles commanded in [-1, 1] is exactly
     the network's sigmoid output. The critics are networks of their own and see the same observation.
 
     Args:
@@ -32,9 +32,10 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         units: units per hidden layer of the actor, over both sides.
         layers: hidden layers of the actor.
         critic_arch: units of each hidden layer of a critic.
-        n_streams: reward streams, a critic for each. The scalar value, SB3's, is the mean of the streams' values.
+        n_streams: number of reward streams, a critic for each. SB3's scalar value is the mean of the streams' values.
         log_std_init: log of the initial standard deviation, before the squashing.
-        **kwargs: as for SB3's ``ActorCriticPolicy``.
+        use_sde: must be False: there is no state-dependent exploration (gSDE).
+        **kwargs: further arguments of SB3's ``ActorCriticPolicy``.
 
     Raises:
         ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or gSDE.
@@ -93,10 +94,11 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
 
     @property
     def motor_network(self) -> MotorNetwork:
+        """The actor's network: lesion it, or load weights trained elsewhere into it."""
         return self.mlp_extractor.actor  # type: ignore[return-value]
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """Every parameter of the policy by owner: the network's three groups, then ``critic_0``, ``critic_1``, ….
+        """Return every parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, ….
 
         The action's standard deviation, and a features extractor's parameters if there are any, are shared.
         """
@@ -108,12 +110,12 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         return groups
 
     def action_mean(self, obs: PyTorchObs) -> Tensor:
-        """(n, n_actions): mean of the Gaussian before the squashing."""
+        """Return the mean of the Gaussian before the squashing, (n, n_actions)."""
         features = BasePolicy.extract_features(self, obs, self.pi_features_extractor)
         return self.mlp_extractor.forward_actor(features)  # type: ignore[no-any-return, operator, arg-type]
 
     def predict_stream_values(self, obs: PyTorchObs) -> Tensor:
-        """(n, n_streams): the value of each reward stream."""
+        """Return the value of each reward stream, (n, n_streams)."""
         features = BasePolicy.extract_features(self, obs, self.vf_features_extractor)
         return self.mlp_extractor.forward_critic(features)  # type: ignore[no-any-return, operator, arg-type]
 
@@ -143,7 +145,7 @@ class CallosalPolicy(BilateralActorCriticPolicy):
 
 
 class _Latents(nn.Module):
-    """SB3's ``mlp_extractor``: features to half the actor's output, and to the streams' values."""
+    """SB3's ``mlp_extractor``: maps features to half the actor's output, and to the streams' values."""
 
     def __init__(
         self, n_inputs: int, n_actions: int, network: dict[str, Any], critic_arch: tuple[int, ...], n_streams: int
@@ -154,23 +156,30 @@ class _Latents(nn.Module):
         self.latent_dim_pi, self.latent_dim_vf = n_actions, n_streams
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Map features (n, n_inputs) to half the actor's output (n, n_actions) and the values (n, n_streams)."""
         return self.forward_actor(features), self.forward_critic(features)
 
     def forward_actor(self, features: Tensor) -> Tensor:
+        """Map features (n, n_inputs) to half the network's output (n, n_actions)."""
+        # The network gives z, and SB3 squashes what it gets by tanh; from z / 2 comes tanh(z / 2) = 2 sigmoid(z) - 1:
+        # the excitation sigmoid(z) in [0, 1], as a command in [-1, 1].
         return self.actor(features) / 2  # type: ignore[no-any-return]
 
     def forward_critic(self, features: Tensor) -> Tensor:
+        """Map features (n, n_inputs) to the value of each stream (n, n_streams)."""
         return torch.cat([critic(features) for critic in self.critics], dim=1)
 
 
 class _MeanOfStreams(nn.Module):
-    """SB3's ``value_net``: (n, n_streams) to (n, 1)."""
+    """SB3's ``value_net``: maps the streams' values to one, for those who ask an SB3 policy for its value."""
 
     def forward(self, values: Tensor) -> Tensor:
+        """Map values (n, n_streams) to their mean (n, 1)."""
         return values.mean(dim=1, keepdim=True)
 
 
 def _critic(n_inputs: int, widths: tuple[int, ...]) -> nn.Sequential:
+    """Build a value network, (n, n_inputs) to (n, 1), with ReLU and orthogonal kernels between."""
     layers: list[nn.Module] = []
     for width in widths:
         layers += [nn.Linear(n_inputs, width), nn.ReLU()]

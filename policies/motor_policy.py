@@ -1,7 +1,8 @@
-"""What every policy of this package has in common, whatever algorithm trains it."""
+"""The base class of every policy of this package, whatever algorithm trains it."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, ClassVar
 
 import torch
@@ -16,34 +17,40 @@ class MotorPolicy(BasePolicy):
     """A stable-baselines3 policy that acts by one of the paper's networks.
 
     Attributes:
-        NETWORK_KEY: where ``state_dict()`` holds the network: what its names begin with.
-        n_streams: reward streams that the critics predict.
+        NETWORK_KEY: prefix of the network's entries in ``state_dict()``.
+        n_streams: number of reward streams that the critics predict.
     """
 
     NETWORK_KEY: ClassVar[str]
     n_streams: int
 
     @property
+    @abstractmethod
     def motor_network(self) -> MotorNetwork:
         """The network: lesion it, or load weights trained elsewhere into it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """Every trained parameter of the policy by owner: the network's three groups, then ``critic_0``, …."""
-        raise NotImplementedError
+        """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
+
+    @abstractmethod
+    def _network_optimizer(self) -> torch.optim.Optimizer:
+        """Return the optimizer that updates the network."""
 
     def _use_fused_adam(self) -> None:
-        # A small network's update is mostly overhead, of which the fused kernel has a third.
-        other_kinds = {"foreach", "differentiable"} & self.optimizer_kwargs.keys()
-        if self.optimizer_class is torch.optim.Adam and not other_kinds:
+        """Choose Adam's fused kernel, unless another optimizer or another of its kernels is asked for.
+
+        An update of so small a network is mostly overhead, of which the fused kernel has a third.
+        """
+        other_kernels = {"foreach", "differentiable"} & self.optimizer_kwargs.keys()
+        if self.optimizer_class is torch.optim.Adam and not other_kernels:
             self.optimizer_kwargs = {"fused": True} | self.optimizer_kwargs
 
-    def _network_optimizer(self) -> torch.optim.Optimizer:
-        """What updates the network."""
-        raise NotImplementedError
-
     def _constrain_after_steps(self) -> None:
-        # The projection belongs to every update, also those of SB3's own training loops.
+        """Let the network project its parameters after every step of its optimizer.
+
+        A hook, and not a line in the algorithms' ``train``, so that updates by SB3's own training loops project too.
+        """
         self._network_optimizer().register_step_post_hook(lambda *_: self.motor_network.constrain())
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -53,7 +60,11 @@ class MotorPolicy(BasePolicy):
 
 
 def check_commands(action_space: spaces.Space[Any], use_sde: bool) -> None:
-    """Raise a ValueError for actions that the networks cannot command, or for gSDE."""
+    """Refuse actions that the networks cannot command, and gSDE.
+
+    Raises:
+        ValueError: an unbounded or non-Box action space, or ``use_sde``.
+    """
     if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
         raise ValueError(f"the policy commands muscles in a bounded Box, not {action_space}.")
     if use_sde:

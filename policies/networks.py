@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
 import torch
@@ -12,8 +13,8 @@ from bilateral_rl.policies.lesions import LESIONS, NO_LESION, Lesion, find_lesio
 from bilateral_rl.vocabulary import GROUPS, SIDES, Architecture, Side
 
 
-class MotorNetwork(nn.Module):
-    """A controller from observation to muscle excitation: what the three architectures have in common.
+class MotorNetwork(nn.Module, ABC):
+    """A controller from observation to muscle excitation; base class of the three architectures.
 
     ``forward`` gives the output layer's values before the sigmoid, :meth:`excitation` the sigmoid of them.
 
@@ -24,7 +25,7 @@ class MotorNetwork(nn.Module):
         layers: hidden layers (L).
 
     Attributes:
-        lesion: what is taken away at present; set it with :meth:`set_lesion` or :meth:`lesioned`.
+        lesion: the present lesion; set it with :meth:`set_lesion` or :meth:`lesioned`.
 
     Raises:
         ValueError: sizes that the architecture cannot have.
@@ -40,30 +41,34 @@ class MotorNetwork(nn.Module):
         self.n_inputs, self.n_outputs, self.units, self.layers = n_inputs, n_outputs, units, layers
         self.lesion = NO_LESION
 
+    @abstractmethod
     def forward(self, observation: Tensor) -> Tensor:
-        """(…, n_inputs) to (…, n_outputs), before the sigmoid."""
-        raise NotImplementedError
+        """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
 
     def excitation(self, observation: Tensor) -> Tensor:
-        """(…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1]."""
+        """Map observations (…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1]."""
         return torch.sigmoid(self(observation))
 
+    @abstractmethod
     def group_of(self, name: str) -> str:
-        """The group, of ``GROUPS``, of the parameter called ``name`` in ``named_parameters()``."""
-        raise NotImplementedError
+        """Return which of ``GROUPS`` owns the parameter called ``name`` in ``named_parameters()``."""
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """The parameters of each group; a group may be empty."""
+        """Return the parameters of each group; a group may be empty."""
         groups: dict[str, list[nn.Parameter]] = {group: [] for group in GROUPS}
         for name, parameter in self.named_parameters():
             groups[self.group_of(name)].append(parameter)
         return groups
 
     def constrain(self) -> None:
-        """Project the parameters back onto their allowed set; call it after every update."""
+        """Project the parameters back onto their allowed set, after every update; here every value is allowed."""
+
+    def combination_weights(self) -> dict[Side, float]:
+        """Return the weight of each side in the combination; empty for a network without sides."""
+        return {}
 
     def available_lesions(self) -> tuple[str, ...]:
-        """Names of the lesions that the architecture can have."""
+        """Return the names of the lesions that the architecture can have; here none."""
         return ()
 
     def set_lesion(self, lesion: str | Lesion) -> None:
@@ -72,13 +77,17 @@ class MotorNetwork(nn.Module):
         Raises:
             ValueError: a lesion that is unknown or that this architecture cannot have.
         """
-        found = find_lesion(lesion) if isinstance(lesion, str) else lesion
-        self._check_lesion(found, str(lesion))
-        self.lesion = found
+        new_lesion = find_lesion(lesion) if isinstance(lesion, str) else lesion
+        self._check_lesion(new_lesion, str(lesion))
+        self.lesion = new_lesion
 
     @contextlib.contextmanager
     def lesioned(self, lesion: str | Lesion) -> Iterator[None]:
-        """A context in which the network has ``lesion``; afterwards it has whatever it had before."""
+        """Lesion the network within a ``with`` block; afterwards it is as it was before.
+
+        Raises:
+            ValueError: a lesion that is unknown or that this architecture cannot have.
+        """
         before = self.lesion
         self.set_lesion(lesion)
         try:
@@ -87,6 +96,7 @@ class MotorNetwork(nn.Module):
             self.lesion = before
 
     def _check_lesion(self, lesion: Lesion, name: str) -> None:
+        """Raise a ValueError, in which the lesion is called ``name``, if the architecture cannot have it."""
         if lesion != NO_LESION:
             raise ValueError(f"a {self.architecture} network has no hemispheres to lesion ({name}).")
 
@@ -102,13 +112,15 @@ class UnilateralNetwork(MotorNetwork):
         self.output = _dense(units, n_outputs)
 
     def forward(self, observation: Tensor) -> Tensor:
+        """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
         h = observation
         for layer in self.hidden:
-            h = torch.tanh(layer(h))
+            h = torch.tanh(layer(h))  # (…, U)
         output: Tensor = self.output(h)
         return output
 
     def group_of(self, name: str) -> str:
+        """Return "shared": there are no sides to own a parameter."""
         return "shared"
 
 
@@ -132,8 +144,10 @@ class BilateralNetwork(MotorNetwork):
         self.output = _dense(half, n_outputs)
 
     def forward(self, observation: Tensor) -> Tensor:
+        """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
         d, n = self.hemispheres(observation)
-        combined = torch.zeros_like(d)
+        # A side with a deep lesion is left out of the sum, but has sent its activity over the callosum.
+        combined = torch.zeros_like(d)  # (…, U/2)
         if self.lesion.output_of != "dominant":
             combined = combined + self.combination_dominant * d
         if self.lesion.output_of != "non_dominant":
@@ -142,40 +156,45 @@ class BilateralNetwork(MotorNetwork):
         return output
 
     def hemispheres(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """(…, n_inputs) to the last hidden layers of the dominant and the non-dominant side, (…, units / 2) each."""
+        """Map observations (…, n_inputs) to the last hidden layers, dominant and non-dominant, (…, U/2) each."""
         lesion = self.lesion
+        # A side with a shallow lesion sees zeros; its biases still drive it.
         d = torch.zeros_like(observation) if lesion.input_of == "dominant" else observation
         n = torch.zeros_like(observation) if lesion.input_of == "non_dominant" else observation
         for k, (dominant, non_dominant) in enumerate(zip(self.dominant, self.non_dominant, strict=True)):
-            if k > 0:
+            if k > 0:  # before the first layer there is no activity yet to tell the other side
                 d, n = self._exchange(d, n)
-            d, n = torch.tanh(dominant(d)), torch.tanh(non_dominant(n))
+            d, n = torch.tanh(dominant(d)), torch.tanh(non_dominant(n))  # (…, U/2) each
         return d, n
 
     def group_of(self, name: str) -> str:
-        side = name.split(".")[0]
-        return side if side in SIDES else "shared"
+        """Return the side whose stack holds the parameter; combination and output layers are "shared"."""
+        prefix = name.split(".")[0]
+        return prefix if prefix in SIDES else "shared"
 
     def constrain(self) -> None:
+        """Set negative combination weights to zero."""
         with torch.no_grad():
             self.combination_dominant.clamp_(min=0.0)
             self.combination_non_dominant.clamp_(min=0.0)
 
-    def available_lesions(self) -> tuple[str, ...]:
-        return tuple(name for name, lesion in LESIONS.items() if not lesion.callosum)
-
     def combination_weights(self) -> dict[Side, float]:
-        """The two combination weights."""
+        """Return the weight of each side in the combination."""
         return {
             "dominant": float(self.combination_dominant.detach()),
             "non_dominant": float(self.combination_non_dominant.detach()),
         }
 
+    def available_lesions(self) -> tuple[str, ...]:
+        """Return the names of the lesions that leave the callosum alone, for there is none."""
+        return tuple(name for name, lesion in LESIONS.items() if not lesion.callosum)
+
     def _exchange(self, dominant: Tensor, non_dominant: Tensor) -> tuple[Tensor, Tensor]:
-        """What the sides tell each other before hidden layer k ≥ 1: nothing, without a callosum."""
+        """Return the sides' activities (…, U/2) as they enter the next layer; without a callosum, unchanged."""
         return dominant, non_dominant
 
     def _check_lesion(self, lesion: Lesion, name: str) -> None:
+        """Raise a ValueError for a lesion of the callosum, which there is none of."""
         if lesion.callosum:
             raise ValueError(f"a {self.architecture} network has no callosum to lesion ({name}).")
 
@@ -184,7 +203,7 @@ class CallosalNetwork(BilateralNetwork):
     """A bilateral network whose sides exchange pooled activity before every hidden layer but the first.
 
     Each side receives the other's previous layer, max-pooled by two (an odd last unit dropped), added to its own last
-    units. Both directions use the values from before the exchange. There are no parameters more.
+    units. Both directions use the values from before the exchange. The exchange has no parameters.
     """
 
     architecture: Architecture = "callosal"
@@ -197,31 +216,39 @@ class CallosalNetwork(BilateralNetwork):
             raise ValueError(f"a callosal network needs at least 2 hidden layers to exchange between, got {layers}.")
 
     def available_lesions(self) -> tuple[str, ...]:
+        """Return the names of all lesions."""
         return tuple(LESIONS)
 
     def _exchange(self, dominant: Tensor, non_dominant: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the sides' activities (…, U/2), each with what it receives from the other over the callosum."""
         if self.lesion.callosum:
             return dominant, non_dominant
         return _receive(dominant, non_dominant), _receive(non_dominant, dominant)
 
     def _check_lesion(self, lesion: Lesion, name: str) -> None:
-        """A callosal network can have every lesion."""
+        """Accept every lesion."""
 
 
-def _receive(own: Tensor, other: Tensor) -> Tensor:
-    """``own`` (…, n) plus, on its last ⌊n/2⌋ units, the max-pooled ``other``."""
-    n_pooled = own.shape[-1] // 2
-    pooled = torch.maximum(other[..., 0 : 2 * n_pooled : 2], other[..., 1 : 2 * n_pooled : 2])
-    n_kept = own.shape[-1] - n_pooled
-    return torch.cat([own[..., :n_kept], own[..., n_kept:] + pooled], dim=-1)
+def _receive(receiver: Tensor, sender: Tensor) -> Tensor:
+    """Add the pooled activity of ``sender`` (…, n) to the last ⌊n/2⌋ units of ``receiver`` (…, n).
+
+    Pooled is the larger of each two neighboring units. With n = 5, a sender of [1, 5, 2, 3, 9] has two pairs, (1, 5)
+    and (2, 3); its odd last unit is dropped, however active. The receiver's five units get [0, 0, 0, 5, 3]: the
+    pooled values, [5, 3], join the last two.
+    """
+    n_pooled = receiver.shape[-1] // 2
+    pooled = torch.maximum(sender[..., 0 : 2 * n_pooled : 2], sender[..., 1 : 2 * n_pooled : 2])  # (…, ⌊n/2⌋)
+    n_alone = receiver.shape[-1] - n_pooled
+    return torch.cat([receiver[..., :n_alone], receiver[..., n_alone:] + pooled], dim=-1)
 
 
 def _stack(n_inputs: int, width: int, layers: int) -> nn.ModuleList:
+    """Build dense layers n_inputs → width → … → width."""
     return nn.ModuleList(_dense(n_inputs if k == 0 else width, width) for k in range(layers))
 
 
 def _dense(n_inputs: int, n_outputs: int) -> nn.Linear:
-    """Glorot-uniform kernel, zero bias."""
+    """Build a dense layer with a Glorot-uniform kernel and zero bias, as in the paper's code."""
     layer = nn.Linear(n_inputs, n_outputs)
     nn.init.xavier_uniform_(layer.weight)
     nn.init.zeros_(layer.bias)
@@ -233,12 +260,17 @@ ARCHITECTURES: dict[Architecture, type[MotorNetwork]] = {
     "bilateral": BilateralNetwork,
     "callosal": CallosalNetwork,
 }
+"""The class of each architecture."""
 
 
 def make_network(
     architecture: Architecture, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2
 ) -> MotorNetwork:
-    """Build a network. Raises ValueError for an unknown architecture or sizes it cannot have."""
+    """Build a network with random weights; the arguments are those of :class:`MotorNetwork`.
+
+    Raises:
+        ValueError: an unknown architecture, or sizes that it cannot have.
+    """
     if architecture not in ARCHITECTURES:
         raise ValueError(f"unknown architecture {architecture!r}; choose from {', '.join(ARCHITECTURES)}.")
     return ARCHITECTURES[architecture](n_inputs, n_outputs, units, layers)

@@ -20,21 +20,23 @@ from bilateral_rl.policies.networks import MotorNetwork, make_network
 from bilateral_rl.vocabulary import Architecture
 
 LOG_STD_BOUNDS = (-20.0, 2.0)
-"""As in SB3's SAC."""
+"""Range of the log of the standard deviation, as in SB3's SAC."""
 
 
 class MotorActor(BasePolicy):
-    """SB3's actor: one of the paper's networks, half of whose output goes through tanh.
+    """One of the paper's networks as SB3's actor: tanh of half the network's output.
+
+    As sigmoid(z) = (tanh(z / 2) + 1) / 2, the action in [-1, 1] stands for the network's excitation in [0, 1].
 
     Args:
         observation_space: any space that SB3 flattens.
         action_space: a bounded Box.
-        features_extractor: from observations to features.
-        features_dim: their number.
+        features_extractor: module that maps observations to features.
+        features_dim: number of features.
         network: arguments of :func:`~bilateral_rl.policies.networks.make_network`.
-        log_std_init: log of the initial standard deviation before the squashing, of every action alike whatever is
-            observed; None for a deterministic actor.
-        normalize_images: as for SB3's policies.
+        log_std_init: log of the initial standard deviation before the squashing, the same for every action and
+            observation; None for a deterministic actor.
+        normalize_images: whether to scale images to [0, 1], as SB3's policies do.
     """
 
     def __init__(
@@ -61,14 +63,17 @@ class MotorActor(BasePolicy):
             self.log_std = nn.Parameter(torch.full((n_actions,), float(log_std_init)))
 
     def action_mean(self, obs: PyTorchObs) -> Tensor:
-        """(n, n_actions): mean of the Gaussian before the squashing."""
+        """Return the mean of the Gaussian before the squashing, (n, n_actions)."""
         return self.network(self.extract_features(obs, self.features_extractor)) / 2  # type: ignore[no-any-return]
 
     def action_log_prob(self, obs: PyTorchObs) -> tuple[Tensor, Tensor]:
-        """Sampled actions (n, n_actions) in [-1, 1] and the log of their density (n,)."""
+        """Sample actions (n, n_actions) in [-1, 1]; return them and the log of their density (n,)."""
+        # SB3 samples u ~ N(mean, std), squashes a = tanh(u), and corrects the density for the squashing:
+        # log p(a) = log N(u) - Σ log(1 - a² + 1e-6), by the change of variables da/du = 1 - tanh(u)².
         return self.action_dist.log_prob_from_params(self.action_mean(obs), self._bounded_log_std())
 
     def forward(self, obs: PyTorchObs, deterministic: bool = False) -> Tensor:
+        """Return actions in [-1, 1], (n, n_actions): the mode, or samples if the actor is stochastic."""
         mean = self.action_mean(obs)
         if deterministic or not self.is_stochastic:
             return torch.tanh(mean)
@@ -76,7 +81,7 @@ class MotorActor(BasePolicy):
 
     @property
     def is_stochastic(self) -> bool:
-        """Whether it has a standard deviation."""
+        """Whether the actor has a standard deviation to sample with."""
         return hasattr(self, "log_std")
 
     def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> Tensor:
@@ -87,11 +92,11 @@ class MotorActor(BasePolicy):
 
 
 class BilateralOffPolicyPolicy(MotorPolicy):
-    """What the policies for SAC and TD3 have in common; mix it into one of SB3's.
+    """Base class of the policies for SAC and TD3; mix it into one of SB3's.
 
-    The deterministic action on muscles commanded in [-1, 1] is exactly the network's sigmoid output, as
-    sigmoid(z) = (tanh(z / 2) + 1) / 2. The critics are SB3's: the first ``n_critics`` are the first stream's, and so
-    on.
+    The deterministic action on muscles commanded in [-1, 1] is exactly the network's sigmoid output
+    (see :class:`MotorActor`). The critics are SB3's, in one list: the first ``n_critics`` belong to the first stream,
+    the next to the second.
 
     Args:
         observation_space: any space that SB3 flattens.
@@ -101,10 +106,11 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         units: units per hidden layer of the network, over both sides.
         layers: hidden layers of the network.
         critic_arch: units of each hidden layer of a critic.
-        n_critics: critics of each stream.
-        n_streams: reward streams.
+        n_critics: number of critics of each stream.
+        n_streams: number of reward streams.
         log_std_init: log of the initial standard deviation, before the squashing; SAC only.
-        **kwargs: as for SB3's policy.
+        use_sde: must be False: there is no state-dependent exploration (gSDE).
+        **kwargs: further arguments of SB3's policy.
 
     Raises:
         ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or gSDE.
@@ -150,7 +156,7 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         )
 
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> MotorActor:
-        """A fresh actor."""
+        """Build an actor with random weights; SB3 calls it for the actor and for its target."""
         arguments = {
             "observation_space": self.observation_space,
             "action_space": self.action_space,
@@ -170,10 +176,11 @@ class BilateralOffPolicyPolicy(MotorPolicy):
 
     @property
     def motor_network(self) -> MotorNetwork:
+        """The actor's network: lesion it, or load weights trained elsewhere into it."""
         return self.actor.network
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """Every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, ….
+        """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, ….
 
         The action's standard deviation, and features extractors' parameters if there are any, are shared.
         """
@@ -188,19 +195,20 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         return groups
 
     def first_values(self, observations: Tensor, actions: Tensor) -> Tensor:
-        """(b, n_streams): what the first critic of each stream says."""
+        """Return the value that the first critic of each stream gives to ``actions`` (b, n_actions), (b, n_streams)."""
         critic = self.critic
         with torch.no_grad():  # as in SB3: what the actor's features extractor learns comes through the action
             features = critic.extract_features(observations, critic.features_extractor)
         inputs = torch.cat([features, actions], dim=1)
+        # A stream's first critic is every n_critics-th of the list.
         return torch.cat([network(inputs) for network in critic.q_networks[:: self.n_critics]], dim=1)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()
         for name in ("net_arch", "use_sde", "use_expln", "clip_mean"):
             data.pop(name, None)
-        own = {"critic_arch": self.critic_arch, "n_critics": self.n_critics, "n_streams": self.n_streams}
-        return data | self._network | own | {"log_std_init": self._log_std_init}
+        critics = {"critic_arch": self.critic_arch, "n_critics": self.n_critics, "n_streams": self.n_streams}
+        return data | self._network | critics | {"log_std_init": self._log_std_init}
 
 
 class BilateralSACPolicy(BilateralOffPolicyPolicy, SACPolicy):  # type: ignore[misc] # an actor of our own
@@ -245,8 +253,11 @@ SAC_ALIASES: dict[str, type[BilateralSACPolicy]] = {
     "BilateralPolicy": BilateralSACPolicy,
     "CallosalPolicy": CallosalSACPolicy,
 }
+"""The policies that SAC takes by name."""
+
 TD3_ALIASES: dict[str, type[BilateralTD3Policy]] = {
     "UnilateralPolicy": UnilateralTD3Policy,
     "BilateralPolicy": BilateralTD3Policy,
     "CallosalPolicy": CallosalTD3Policy,
 }
+"""The policies that TD3 takes by name."""

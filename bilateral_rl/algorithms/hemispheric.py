@@ -131,7 +131,7 @@ class Hemispheric(BaseAlgorithm):
                     self.logger.record(f"{name}/{stream}", value)
             else:
                 self.logger.record(name, average.item())
-        for side, weight in getattr(self.policy.motor_network, "combination_weights", dict)().items():
+        for side, weight in self.policy.motor_network.combination_weights().items():
             self.logger.record(f"combination/{side}", weight)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
 

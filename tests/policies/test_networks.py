@@ -8,9 +8,9 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bilateral_rl.policies import ARCHITECTURES, GROUPS, make_network
+from bilateral_rl.policies import ARCHITECTURES, MotorNetwork, make_network
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
-from bilateral_rl.vocabulary import SIDES
+from bilateral_rl.vocabulary import GROUPS, SIDES
 
 REFERENCE = Path(__file__).parents[1] / "data" / "networks.npz"
 RELEASED_NAMES = {"uni": "unilateral", "bi": "bilateral", "cc": "callosal"}
@@ -299,3 +299,15 @@ def test_constrain_leaves_a_unilateral_network_alone(random_network):
     before = {name: value.clone() for name, value in network.state_dict().items()}
     network.constrain()
     assert all(torch.equal(value, before[name]) for name, value in network.state_dict().items())
+
+
+def test_a_network_without_sides_has_no_combination_weights(random_network):
+    assert random_network("unilateral").combination_weights() == {}
+
+
+def test_an_architecture_that_leaves_out_what_it_computes_cannot_be_built():
+    class Incomplete(MotorNetwork):
+        architecture = "unilateral"
+
+    with pytest.raises(TypeError, match=r"abstract.*forward.*group_of"):
+        Incomplete(16, 6)
