@@ -1,34 +1,74 @@
-"""Numbers of studies as text, the same in every table."""
+"""Numbers of studies as text, the same in every table, figure and report: a dash stands for a number that is missing.
+
+``sign`` is "+" where positive numbers carry their sign too, as differences do.
+"""
 
 from __future__ import annotations
 
 import math
 
-import pandas as pd
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bilateral_rl.analysis.samples import finite
+from bilateral_rl.analysis.statistics import OmnibusTest
 
 _MOST_DECIMALS = 6
+_SMALLEST_P = 0.001
 
 
-def spread(values: pd.Series) -> str:
-    """Mean ± standard deviation of the values that are numbers, both to the deviation's second significant digit."""
-    numbers = values.dropna()
-    if numbers.empty:
+def number(value: float, sign: str = "") -> str:
+    """A number in three significant digits, from 100 on to one decimal."""
+    return "–" if math.isnan(value) else f"{value:{sign}{'.3g' if abs(value) < 100 else '.1f'}}"
+
+
+def fixed(value: float, decimals: int, sign: str = "") -> str:
+    """A number to so many decimals."""
+    return "–" if math.isnan(value) else f"{value:{sign}z.{decimals}f}"
+
+
+def decimals_for(size: float, digits: int) -> int:
+    """How many decimals show a number as large as ``size`` in ``digits`` significant digits, 0 to 6."""
+    return min(max(digits - 1 - math.floor(math.log10(size)), 0), _MOST_DECIMALS) if size > 0 else 0
+
+
+def mean_sd(values: ArrayLike, decimals: int | None = None, sign: str = "") -> str:
+    """Mean ± standard deviation of the values that are numbers, and of how many seeds if that is not all.
+
+    Args:
+        values: (n,), one a seed; NaN where a seed has none.
+        decimals: of both numbers; None for those that show the deviation in two significant digits.
+        sign: see the module.
+    """
+    numbers, n = finite(values), np.size(values)
+    if not len(numbers):
         return "–"
-    mean = float(numbers.mean())
-    if len(numbers) == 1:
-        return f"{mean:.3g}" if abs(mean) < 100 else f"{mean:.1f}"
-    deviation = float(numbers.std(ddof=1))
-    if not deviation > 0:
-        return f"{mean:.4g} ± 0"
-    decimals = min(max(1 - math.floor(math.log10(deviation)), 0), _MOST_DECIMALS)
-    return f"{mean:z.{decimals}f} ± {deviation:.{decimals}f}"
+    mean, deviation = float(numbers.mean()), float(numbers.std(ddof=1)) if len(numbers) > 1 else math.nan
+    if decimals is not None:
+        text = fixed(mean, decimals, sign)
+        text += f" ± {fixed(deviation, decimals)}" if len(numbers) > 1 else ""
+    elif len(numbers) == 1:
+        text = number(mean, sign)
+    elif deviation > 0:
+        decimals = decimals_for(deviation, 2)
+        text = f"{fixed(mean, decimals, sign)} ± {fixed(deviation, decimals)}"
+    else:
+        text = f"{mean:{sign}.4g} ± 0"
+    return text if len(numbers) == n else f"{text} ({len(numbers)} of {n} seeds)"
 
 
-def number(value: float, form: str = ".3g") -> str:
-    """``value`` by a format specification; a dash if it is none."""
-    return "–" if math.isnan(value) else format(value, form)
+def p_value(p: float) -> str:
+    """A p-value to three decimals, for a column of them."""
+    return f"< {_SMALLEST_P}" if p < _SMALLEST_P else fixed(p, 3)
 
 
-def p_text(p: float) -> str:
-    """A p-value to three decimals; a dash where there was no test."""
-    return "< 0.001" if p < 0.001 else number(p, ".3f")
+def p_equation(p: float) -> str:
+    """A p-value in running text: "p = 0.012", "p < 0.001" or "no test"."""
+    if math.isnan(p):
+        return "no test"
+    return f"p {p_value(p)}" if p < _SMALLEST_P else f"p = {p_value(p)}"
+
+
+def f_statistic(test: OmnibusTest) -> str:
+    """The statistic of an analysis of variance with its degrees of freedom: "F(6, 63) = 4.20"."""
+    return f"F({', '.join(f'{value:.4g}' for value in test.df)}) = {test.statistic:.2f}"

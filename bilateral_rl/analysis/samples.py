@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from bilateral_rl.io.text import seed_counts
+
 Float = NDArray[np.float64]
 
 FEW_SEEDS = 5
@@ -75,7 +77,7 @@ def caveats(n: int, left_out: int = 0, spread: bool = True) -> str:
     """
     parts = []
     if n < 2:
-        parts.append(f"{n} seed{'s' * (n != 1)}: no test")
+        parts.append(f"{seed_counts([n])}: no test")
     elif n < FEW_SEEDS:
         parts.append(f"only {n} seeds")
     if n >= 2 and not spread:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bilateral_rl.analysis.formats import number, p_equation
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.analysis.samples import join_notes
 from bilateral_rl.claims.rules import Verdict, all_of
@@ -39,12 +40,12 @@ class Component:
         if not self.measured:
             return self.note
         unit = f" {self.unit}" if self.unit else ""
-        value = "" if self.quantity == "mean" else f"{self.quantity} {_number(self.estimate.value)}{unit}, "
+        value = "" if self.quantity == "mean" else f"{self.quantity} {number(self.estimate.value)}{unit}, "
         parts = [self.measured, f"{value}{_bounds(self.estimate)}"]
         if self.test:
-            parts.append(f"{self.test}: {_p(self.p)}")
+            parts.append(f"{self.test}: {p_equation(self.p)}")
         if not math.isnan(self.tukey_p):
-            parts.append(f"Tukey's HSD, as in the paper: {_p(self.tukey_p)}")
+            parts.append(f"Tukey's HSD, as in the paper: {p_equation(self.tukey_p)}")
         return "; ".join(parts)
 
 
@@ -86,17 +87,7 @@ class Claim:
         return join_notes(notes, f"without the retraining epoch {all_of(verdicts)} ({counts})")
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 100 else f"{value:.1f}"
-
-
 def _bounds(interval: Interval) -> str:
     if math.isnan(interval.low):
         return "no interval"
-    return f"95 % interval {_number(interval.low)} to {_number(interval.high)}"
-
-
-def _p(p: float) -> str:
-    if math.isnan(p):
-        return "no test"
-    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
+    return f"95 % interval {number(interval.low)} to {number(interval.high)}"

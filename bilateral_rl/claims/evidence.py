@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from bilateral_rl.analysis.comparison import values_by_seed
+from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric, threshold_name
 from bilateral_rl.analysis.samples import finite
 from bilateral_rl.analysis.statistics import PairTest, games_howell, tukey_hsd
@@ -68,8 +69,7 @@ class Sample:
     def measured(self) -> str:
         """Mean ± standard deviation and the number of seeds, in words."""
         numbers = finite(self.values)
-        sd = f" ± {numbers.std(ddof=1):.2g}" if len(numbers) > 1 else ""
-        return f"{self.name} {numbers.mean():.3g}{sd} {self.measure.metric.unit} (n = {len(numbers)})"
+        return f"{self.name} {mean_sd(numbers)} {self.measure.metric.unit} (n = {len(numbers)})"
 
 
 class Evidence:

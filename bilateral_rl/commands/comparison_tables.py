@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from bilateral_rl.analysis.comparison import Comparison, ModelComparison
-from bilateral_rl.analysis.formats import p_text
+from bilateral_rl.analysis.formats import decimals_for, f_statistic, fixed, p_equation, p_value
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.samples import FEW_SEEDS
 from bilateral_rl.analysis.statistics import OmnibusTest
@@ -20,7 +20,6 @@ from bilateral_rl.policies.lesions import lesion_words
 
 _TESTS = {"p_tukey": "Tukey", "p_games_howell": "Games–Howell", "p_holm": "p"}
 """Heads of the columns of ``pairs``."""
-_MOST_DECIMALS = 6
 
 
 def print_comparison(comparison: Comparison, of: str, console: Console) -> None:
@@ -64,7 +63,7 @@ def _groups_table(comparison: Comparison, decimals: int) -> Table:
     for head in ("mean", "sd", "95 % interval", "seeds"):
         table.add_column(head, justify="right", no_wrap=True)
     for name, row in comparison.groups.iterrows():
-        numbers = (_number(row[column], decimals) for column in ("mean", "sd"))
+        numbers = (fixed(row[column], decimals) for column in ("mean", "sd"))
         table.add_row(
             escape(_name(comparison, name)), *numbers, _interval(row["low"], row["high"], decimals), str(int(row["n"]))
         )
@@ -82,20 +81,16 @@ def _pairs_table(comparison: Comparison, decimals: int) -> Table:
         table.add_section()
         table.add_row(f"[bold]{escape(_name(comparison, first))}[/bold] −")
         for pair in pairs.to_dict("records"):
-            difference = (
-                f"{_number(pair['difference'], decimals, '+')} {_interval(pair['low'], pair['high'], decimals)}"
-            )
-            tests = (p_text(pair[name]) for name in shown)
-            table.add_row(escape(_name(comparison, pair["second"])), difference, _number(pair["g"], 2, "+"), *tests)
+            difference = f"{fixed(pair['difference'], decimals, '+')} {_interval(pair['low'], pair['high'], decimals)}"
+            tests = (p_value(pair[name]) for name in shown)
+            table.add_row(escape(_name(comparison, pair["second"])), difference, fixed(pair["g"], 2, "+"), *tests)
     return table
 
 
 def _omnibus(test: OmnibusTest) -> str:
     if math.isnan(test.p):
         return f"{test.name}: no test ({test.note or 'all values are equal'})"
-    df = ", ".join(f"{value:.4g}" for value in test.df)
-    p = "p < 0.001" if test.p < 0.001 else f"p = {test.p:.3f}"
-    return f"{test.name}: F({df}) = {test.statistic:.2f}, {p}" + (f" ({test.note})" if test.note else "")
+    return f"{test.name}: {f_statistic(test)}, {p_equation(test.p)}" + (f" ({test.note})" if test.note else "")
 
 
 def _notes(comparison: Comparison) -> Iterator[str]:
@@ -116,14 +111,8 @@ def _decimals(groups: pd.DataFrame) -> int:
     """As many as show the usual spread in two significant digits, or a lone seed in three."""
     spread = groups["sd"][groups["sd"] > 0]
     size, digits = (spread.median(), 2) if len(spread) else (groups["mean"].abs().median(), 3)
-    if not size > 0:
-        return 1
-    return min(max(digits - 1 - math.floor(math.log10(size)), 1), _MOST_DECIMALS)
+    return max(decimals_for(size, digits), 1)
 
 
 def _interval(low: float, high: float, decimals: int) -> str:
-    return "" if math.isnan(low) else f"[{_number(low, decimals)}, {_number(high, decimals)}]"
-
-
-def _number(value: float, decimals: int, sign: str = "") -> str:
-    return "–" if math.isnan(value) else f"{value:{sign}z.{decimals}f}"
+    return "" if math.isnan(low) else f"[{fixed(low, decimals)}, {fixed(high, decimals)}]"

@@ -18,6 +18,7 @@ from rich.progress import Progress
 from rich.table import Table
 from torch.utils.tensorboard import SummaryWriter
 
+from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import ALONE, Metric, find_metric, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import by_seed
 from bilateral_rl.config.parse import plain
@@ -138,7 +139,7 @@ def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
         table.add_row(f"[bold]{with_unit(metric)}")
         for name in study.names:
             values = [_values(results, study, metric, name, retrained) for retrained in _conditions(study)]
-            table.add_row(lesion_words(name), *(_spread(one, ".1f") for one in values))
+            table.add_row(lesion_words(name), *(mean_sd(one, 1) for one in values))
     if (seeds := results["seed"].nunique()) > 1:
         table.caption = f"mean ± standard deviation over {seeds} seeds"
     return table
@@ -151,8 +152,8 @@ def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
     metric, parts = _metrics(study.config)[0], []
     for retrained in _conditions(study):
         alone = [_values(results, study, metric, lesion, retrained) for lesion in ALONE.values()]
-        index = pd.Series(specialization_index(*alone))
-        parts.append(f"{_spread(index, '+.3f')} {_CONDITIONS[retrained]}")
+        index = specialization_index(*alone)
+        parts.append(f"{mean_sd(index, 3, '+')} {_CONDITIONS[retrained]}")
     return f"Specialization index: {', '.join(parts)} (above 0: the dominant side does more alone)."
 
 
@@ -162,16 +163,6 @@ def _conditions(study: LesionStudy) -> tuple[bool, ...]:
 
 def _values(results: pd.DataFrame, study: LesionStudy, metric: Metric, lesion: str, retrained: bool) -> pd.Series:
     return by_seed(results, metric.name, study.config.task, study.config.model, lesion, retrained)
-
-
-def _spread(values: pd.Series, form: str) -> str:
-    numbers = values.dropna()
-    if numbers.empty:
-        return "–"
-    mean = format(numbers.mean(), form)
-    spread = f" ± {numbers.std(ddof=1):{form.removeprefix('+')}}" if len(numbers) > 1 else ""
-    fewer = f" ({len(numbers)} of {len(values)} seeds)" if len(numbers) < len(values) else ""
-    return f"{mean}{spread}{fewer}"
 
 
 def _write(results: pd.DataFrame, config: TrainConfig, place: Path, asked: Mapping[str, Any]) -> None:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bilateral_rl.analysis.formats import spread
+from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
 from bilateral_rl.config import parse as settings
@@ -78,7 +78,7 @@ def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Ta
     for point in study.points():
         rows = results[results["point"] == point_name(point)]
         if len(rows):
-            cells = [spread(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
+            cells = [mean_sd(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
             table.add_row(*map(escape, point.values()), *cells, str(rows["seed"].nunique()))
     return table
 

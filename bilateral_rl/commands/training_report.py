@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.trials import TrialRecord, summaries
 from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.io.text import seed_range
 from bilateral_rl.training import session as progress
 
 
@@ -82,8 +83,7 @@ def training_title(config: TrainConfig) -> str:
     """What a training is about to do, with markup."""
     head = f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}: "
     if isinstance(config, BPTTConfig):
-        last = config.seed + config.seeds - 1
-        seeds = f"seed {config.seed}" if config.seeds == 1 else f"seeds {config.seed} to {last} side by side"
+        seeds = seed_range(config.all_seeds) + " side by side" * (config.seeds > 1)
         return f"{head}up to {config.epochs} epochs of {config.bptt.trials:,} trials, {seeds}. Ctrl-C stops and saves."
     assert isinstance(config, RLConfig)
     return f"{head}{config.timesteps:,} steps of {config.n_envs} arms, seed {config.seed}. Ctrl-C stops and saves."
@@ -114,10 +114,8 @@ def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, titl
     return table
 
 
-def _spread(values: list[dict[str, float]], name: str, digits: int) -> str:
-    numbers = np.array([value[name] for value in values])
-    mean = f"{numbers.mean():.{digits}f}"
-    return mean if len(numbers) == 1 else f"{mean} ± {numbers.std(ddof=1):.{digits}f}"
+def _spread(values: list[dict[str, float]], name: str, decimals: int) -> str:
+    return mean_sd([value[name] for value in values], decimals)
 
 
 def _speed_to_goal(values: list[dict[str, float]]) -> str:

@@ -13,6 +13,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from bilateral_rl.analysis.formats import decimals_for, fixed, p_equation
 from bilateral_rl.analysis.samples import Float
 from bilateral_rl.figures.labels import MetricLike, model_label, with_unit
 from bilateral_rl.figures.style import LABEL_SIZE, TEXT_SIZE, in_order, new_figure, set_note, set_title
@@ -102,14 +103,11 @@ def _levels(difference: Float, p: Float) -> Float:
 
 
 def _decimals(difference: Float) -> int:
-    """Those that give the largest difference three digits."""
-    largest = np.nanmax(np.abs(difference), initial=0)
-    return max(0, 2 - math.floor(math.log10(largest))) if largest > 0 else 0
+    """How many decimals give the largest difference three digits."""
+    return decimals_for(np.nanmax(np.abs(difference), initial=0), 3)
 
 
 def _cell_text(difference: float, p: float, decimals: int) -> str:
     if math.isnan(p) or math.isnan(difference):
         return "–"
-    bound = STARS[0][0]
-    p_words = f"p = {p:.3f}" if p >= bound else f"p < {bound}"
-    return f"{difference:+.{decimals}f} {stars_of(p)}".replace("-", "−").strip() + f"\n{p_words}"
+    return f"{fixed(difference, decimals, '+')} {stars_of(p)}".replace("-", "−").strip() + f"\n{p_equation(p)}"

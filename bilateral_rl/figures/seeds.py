@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis.intervals import Interval, mean_interval
 from bilateral_rl.figures.style import INK, TEXT_SIZE, ModelStyle
+from bilateral_rl.io.text import seed_counts
 
 
 def draw_seeds(
@@ -58,8 +59,6 @@ def _places(n: int) -> NDArray[np.float64]:
 def marks_in_words(means: Iterable[Interval]) -> str:
     """What the marks of :func:`draw_seeds` are, and of how many seeds."""
     counts = [mean.n for mean in means if mean.n]
-    few, many = min(counts, default=0), max(counts, default=0)
-    seeds = f"{few} to {many} seeds" if few < many else f"{many} seed{'s' * (many != 1)}"
-    if many < 2:
-        return f"Markers: {seeds}."
-    return f"Dots: seeds. Large markers and bars: mean of {seeds} and its 95 % confidence interval."
+    if max(counts, default=0) < 2:
+        return f"Markers: {seed_counts(counts)}."
+    return f"Dots: seeds. Large markers and bars: mean of {seed_counts(counts)} and its 95 % confidence interval."

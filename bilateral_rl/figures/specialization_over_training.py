@@ -20,6 +20,7 @@ from bilateral_rl.figures.style import (
     set_note,
     set_title_and_legend,
 )
+from bilateral_rl.io.text import seed_counts
 from bilateral_rl.policies.lesions import INTACT
 
 _STATES = {
@@ -84,6 +85,4 @@ def _seeds_in_words(probes: pd.DataFrame) -> str:
     counts = probes.groupby("model")["seed"].nunique()
     if counts.max() == 1:
         return "One seed each." if len(counts) > 1 else "One seed."
-    few, many = counts.min(), counts.max()
-    seeds = f"{few} to {many} seeds" if few < many else f"{many} seeds"
-    return f"Line and band: mean of {seeds} and its 95 % confidence interval."
+    return f"Line and band: mean of {seed_counts(counts)} and its 95 % confidence interval."

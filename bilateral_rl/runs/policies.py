@@ -17,6 +17,7 @@ from bilateral_rl.config.schema import ActorCriticConfig, BPTTConfig, OffPolicyC
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
+from bilateral_rl.io.text import seed_range
 from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
 from bilateral_rl.policies.networks import MotorNetwork, make_network
 from bilateral_rl.runs.folder import FINAL, RunFolder
@@ -110,7 +111,7 @@ def load_policies(folder: RunFolder, weights: str = FINAL, seed: int | None = No
     config = folder.config()
     seeds = config.all_seeds
     if seed is not None and seed not in seeds:
-        raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(seeds)}.")
+        raise UserError(f"{folder.path} has no seed {seed}; it has {seed_range(seeds)}.")
     wanted = seeds if seed is None else [seed]
     policies: dict[int, MotorPolicy] = {}
     states = network_states(folder, weights) if isinstance(config, BPTTConfig) else {}
@@ -141,7 +142,7 @@ def load_policy(run: RunFolder | str | Path, weights: str = FINAL, seed: int | N
         seed = named if seed is None else seed
     policies = load_policies(run, weights, seed)
     if len(policies) > 1:
-        seeds = _ranges(list(policies))
+        seeds = seed_range(list(policies))
         raise UserError(f"{run.path} has {seeds}: say which one, as {run.path}:{min(policies)}.")
     return next(iter(policies.values()))
 
@@ -175,11 +176,11 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
     if seed is None and len(states) == 1:
         (seed,) = states
     if seed is not None and seed not in states:
-        raise UserError(f"{folder.path} has no seed {seed}; it has {_ranges(list(states))}.")
+        raise UserError(f"{folder.path} has no seed {seed}; it has {seed_range(list(states))}.")
     missing = [s for s in config.all_seeds if s not in states]
     if seed is None and missing:
         raise UserError(
-            f"{folder.path} has {_ranges(list(states))}, not {missing[0]}: name one, as {folder.path}:{min(states)}."
+            f"{folder.path} has {seed_range(list(states))}, not {missing[0]}: name one, as {folder.path}:{min(states)}."
         )
     return {s: states[s if seed is None else seed] for s in config.all_seeds}
 
@@ -200,7 +201,7 @@ def _unstack(tensors: Tensors, config: TrainConfig, folder: RunFolder) -> dict[i
         or stored.tolist() != seeds
         or any(t.ndim < 1 or len(t) != len(seeds) for t in tensors.values())
     ):
-        raise UserError(f"The weights of {folder.path} are not those of its seeds, {_ranges(seeds)}.")
+        raise UserError(f"The weights of {folder.path} are not those of its seeds, {seed_range(seeds)}.")
     return {seed: {name: tensor[i] for name, tensor in tensors.items()} for i, seed in enumerate(seeds)}
 
 
@@ -213,8 +214,3 @@ def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFold
 
 def _is_like(tensor: Tensor, other: Tensor) -> bool:
     return tensor.shape == other.shape and tensor.dtype == other.dtype
-
-
-def _ranges(seeds: list[int]) -> str:
-    """Consecutive seeds in words."""
-    return f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {min(seeds)} to {max(seeds)}"

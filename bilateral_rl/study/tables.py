@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by_seed
-from bilateral_rl.analysis.formats import number, p_text, spread
+from bilateral_rl.analysis.formats import f_statistic, fixed, mean_sd, number, p_value
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import by_seed
@@ -75,7 +75,7 @@ def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTab
     there = set(results["metric"])
     metrics = [metric for metric in metrics_of(task, THRESHOLDS) if metric.name in there]
     rows = [
-        [with_unit(metric), *(spread(by_seed(results, metric.name, task, model)) for model in models)]
+        [with_unit(metric), *(mean_sd(by_seed(results, metric.name, task, model)) for model in models)]
         for metric in metrics
     ]
     columns = ["", *(model_label(model) for model in models)]
@@ -94,8 +94,7 @@ def _of_tests(results: pd.DataFrame, task: str, models: list[str]) -> ReportTabl
 
 
 def _omnibus(test: OmnibusTest) -> list[str]:
-    df = ", ".join(f"{value:.4g}" for value in test.df)
-    return [f"F({df}) = {test.statistic:.2f}" if not math.isnan(test.p) else test.note or "–", p_text(test.p)]
+    return [test.note or "–" if math.isnan(test.p) else f_statistic(test), p_value(test.p)]
 
 
 def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]) -> ReportTable:
@@ -104,11 +103,11 @@ def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]
     rows = [
         [
             f"{model_label(pair['first'])} − {model_label(pair['second'])}",
-            number(pair["difference"], "+.3g"),
+            number(pair["difference"], "+"),
             f"{number(pair['low'])} to {number(pair['high'])}",
-            number(pair["g"], "+.2f"),
-            p_text(pair["p_games_howell"]),
-            p_text(pair["p_tukey"]),
+            fixed(pair["g"], 2, "+"),
+            p_value(pair["p_games_howell"]),
+            p_value(pair["p_tukey"]),
         ]
         for pair in pairs.to_dict("records")
     ]
@@ -126,8 +125,8 @@ def _of_lesions(results: pd.DataFrame, task: str, metric: Metric, models: list[s
     for state in (INTACT, *LESIONS):
         row = [lesion_words(state)]
         for model in models:
-            row += [spread(by_seed(results, metric.name, task, model, state, again)) for again in (False, True)]
-            row.append(p_text(p_values[model].get(state, math.nan)))
+            row += [mean_sd(by_seed(results, metric.name, task, model, state, again)) for again in (False, True)]
+            row.append(p_value(p_values[model].get(state, math.nan)))
         rows.append(row)
     note = f"{_SPREAD_NOTE} p: against the intact network, both retrained, paired t test, Holm over all pairs."
     return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {with_unit(metric)}", columns, rows, note)
@@ -153,7 +152,7 @@ def _of_specialization(results: pd.DataFrame, task: str, metric: Metric, models:
             ]
             dominant, non_dominant = pd.concat(sides, axis=1, join="inner").to_numpy(dtype=np.float64).T
             interval = mean_interval(specialization_index(dominant, non_dominant))
-            row.append(f"{number(interval.value, '+.3f')} ({number(interval.low)} to {number(interval.high)})")
+            row.append(f"{fixed(interval.value, 3, '+')} ({number(interval.low)} to {number(interval.high)})")
         rows.append(row)
     title = f"{task_label(task)}: specialization index, {with_unit(metric)}"
     columns = ["", "without retraining", "retrained"]

@@ -190,7 +190,7 @@ def test_a_failed_seed_is_left_out_and_said(make_results):
     claim = evaluate("C2", results)
     assert claim.verdict == "supported"
     assert claim.note == "1 value is no number"
-    assert "uni_dl 2.34" in claim.numbers
+    assert "uni_dl 2.3389 ± 0.0092" in claim.numbers
     assert "(n = 9)" in claim.numbers
 
 
@@ -266,11 +266,11 @@ def test_the_papers_test_stands_beside_the_sound_one(papers_world):
 def test_numbers_are_given_with_their_intervals(papers_world):
     lines = papers_world["C1"].numbers.splitlines()
     assert lines[0] == (
-        "Goal completion within 5 cm (random_reach): uni_dl from 94.7 to 98.7 %: uni_dl 96.7 ± 0.39 % (n = 10); "
+        "Goal completion within 5 cm (random_reach): uni_dl from 94.7 to 98.7 %: uni_dl 96.70 ± 0.39 % (n = 10); "
         "95 % interval 96.4 to 97"
     )
     assert lines[2] == (
-        "Goal completion within 5 cm (random_reach): uni_dl > uni_ndl: uni_dl 96.7 ± 0.39 % (n = 10), uni_ndl 94.6 ± "
+        "Goal completion within 5 cm (random_reach): uni_dl > uni_ndl: uni_dl 96.70 ± 0.39 % (n = 10), uni_ndl 94.60 ± "
         "0.38 % (n = 10); difference 2.1 points, 95 % interval 1.74 to 2.46; Welch's t test: p < 0.001"
     )
     assert papers_world["C1"].tests == "95 % interval; Welch's t test"
