@@ -45,8 +45,8 @@ def parse_yaml(text: str) -> Any:
     """Parse YAML, of which JSON is a part.
 
     Raises:
-        ValueError: the text is neither, or it is a trap for who reads it: one that refers to parts of itself, has tags, is
-            nested too deeply, or holds a number too long to print.
+        ValueError: the text is neither, or it is a trap for who reads it: one that refers to parts of itself, has
+            tags, is nested too deeply, or holds a number too long to print.
     """
     try:
         _refuse_traps(text)
@@ -61,8 +61,8 @@ def _refuse_traps(text: str) -> None:
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if isinstance(event, yaml.AliasEvent):
             raise ValueError(f"it refers to parts of itself by the name {event.anchor!r}")
-        if getattr(event, "tag", None) is not None:
-            raise ValueError(f"it has the tag {event.tag!r}")
+        if (tag := getattr(event, "tag", None)) is not None:
+            raise ValueError(f"it has the tag {tag!r}")
         if depth > DEEPEST_LEVEL:
             raise ValueError(f"it has more than {DEEPEST_LEVEL} levels")
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > LONGEST_SCALAR:
