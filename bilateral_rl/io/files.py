@@ -1,39 +1,35 @@
-"""Files: others' are read with care, ours are written whole or not at all."""
+"""Files: those of others are read with care, ours are written whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import secrets
-import socket
 import stat
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 from bilateral_rl.io.errors import UserError
 
-_ANY = os.O_RDONLY | os.O_CLOEXEC
-_FOUND = _ANY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY
-"""Should a pipe or a terminal have taken the place of a file that was found, it is not waited for."""
+_TEMPORARY = ".tmp"
 
 
 def read(path: Path, most: int, within: Path | None = None) -> bytes:
-    """What a file holds.
+    """Read a file.
 
     Args:
         path: the file.
-        most: bytes that it may have; of a larger one no more than that is ever read.
-        within: the folder that it belongs to, which somebody else may have made; None for a file that the user has
-            named, be it a pipe.
+        most: the largest size accepted, in bytes; of a larger file, no more than that is ever read.
+        within: the folder that the file belongs to, which somebody else may have made; None for a file that the user
+            has named, which may be a pipe.
 
     Raises:
-        FileNotFoundError: it is not there.
+        FileNotFoundError: the file does not exist.
         UserError: it is too large or cannot be read, or, as for :func:`find`, is no file of that folder.
     """
     real = path if within is None else find(path, most, within)
     try:
-        with os.fdopen(os.open(real, _ANY if within is None else _FOUND), "rb") as file:
+        with real.open("rb") as file:
             content = file.read(most + 1)
     except FileNotFoundError:
         raise
@@ -45,11 +41,11 @@ def read(path: Path, most: int, within: Path | None = None) -> bytes:
 
 
 def find(path: Path, most: int, within: Path) -> Path:
-    """Where the file ``path`` of the folder ``within`` really lies; it is not opened.
+    """Resolve the file ``path`` of the folder ``within`` to where it really lies, without opening it.
 
     Raises:
-        FileNotFoundError: it is not there.
-        UserError: no regular file, one of more than ``most`` bytes, or one that a link leads out of the folder.
+        FileNotFoundError: the file does not exist.
+        UserError: it is no regular file, has more than ``most`` bytes, or a link leads out of the folder.
     """
     try:
         real = Path(os.path.realpath(path, strict=True))
@@ -92,51 +88,28 @@ def refuse_traps(folder: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that takes its place at the end, or vanishes if anything fails.
 
-    What a process that was killed has left of the same file vanishes too. Once the file has its name, it is on the
-    disk: a power cut leaves the old one or the new one. Raises OSError where it cannot be written.
+    Once the file has its name, it is on the disk: a power cut leaves the old file or the new one. A process that is
+    killed leaves ``.<name>.<random>.tmp``, which nothing reads (:func:`remove_left_over`).
+
+    Raises:
+        OSError: the file cannot be written.
     """
-    _remove_left_over(path)
-    temporary = path.with_name(f"{_temporary_stem(path)}{os.getpid()}-{secrets.token_hex(4)}")
-    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666))
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{_TEMPORARY}")
+    temporary.open("xb").close()  # not by ``tempfile``, whose files nobody else may read
     try:
         yield temporary
-        _flush(temporary)
+        with temporary.open("r+b") as file:  # Windows flushes only what could be written
+            os.fsync(file.fileno())
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _temporary_stem(path: Path) -> str:
-    """What a temporary file's name begins with: the numbers of processes mean something on one machine only."""
-    return f".{path.name}.{zlib.crc32(socket.gethostname().encode()):08x}-"
-
-
-def _remove_left_over(path: Path) -> None:
-    stem = _temporary_stem(path)
-    with os.scandir(path.parent) as entries:
-        names = [entry.name for entry in entries if entry.name.startswith(stem)]
-    for name in names:
-        process, dash, _ = name.removeprefix(stem).partition("-")
-        if dash and process.isdecimal() and _is_dead(int(process)):
-            path.with_name(name).unlink(missing_ok=True)
-
-
-def _is_dead(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    except (PermissionError, OverflowError):  # somebody else's, or no number of a process
-        return False
-    return False
-
-
-def _flush(path: Path) -> None:
-    handle = os.open(path, _ANY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def remove_left_over(folder: Path) -> None:
+    """Remove the temporary files that killed processes left in a folder where nobody else writes now."""
+    for path in folder.rglob(f".*{_TEMPORARY}"):
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def _too_large(path: Path, most: int) -> UserError:
