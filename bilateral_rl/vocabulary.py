@@ -80,6 +80,12 @@ Profile = Literal["paper", "released"]
 PROFILES: dict[Profile, Penalty] = {"paper": "weights", "released": "released"}
 """The kind of weight penalty in the paper's text and in its released code (section 4)."""
 
+TEST_TRIALS, TEST_SEED = 1024, 2_000_000
+"""Trials of a test, and the seed of the first: the same in every command and study, so that all give the same numbers.
+
+Trial i is the first trial of seed ``TEST_SEED + i``.
+"""
+
 
 def stream_mix(loss: Loss) -> tuple[tuple[float, float], ...]:
     """Return, for each stream of ``loss``, its weights of the dominant and the non-dominant loss or reward.

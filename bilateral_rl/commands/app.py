@@ -9,6 +9,7 @@ import typer
 
 from bilateral_rl.io.errors import run_program
 from bilateral_rl.io.terminal import Terminal
+from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
 app = typer.Typer(
     help="Two-hemisphere motor controllers on a six-muscle arm, trained with stable-baselines3.",
@@ -102,8 +103,8 @@ def train(
 @app.command()
 def evaluate(
     run: Run,
-    trials: Annotated[int, typer.Option(help="How many trials.")] = 1024,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    trials: Annotated[int, typer.Option(help="How many trials.")] = TEST_TRIALS,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = TEST_SEED,
     deterministic: Annotated[bool, typer.Option(help="Act by the mean, not by sampling.")] = True,
     weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
     csv: Annotated[Path | None, typer.Option(help="Write one row a trial here; - is the terminal.")] = None,
@@ -112,7 +113,16 @@ def evaluate(
     """Test a trained model and print its measures at goal radii of 2, 3 and 5 cm and its own."""
     from bilateral_rl.commands import evaluate as command
 
-    command.evaluate(run, trials, seed, deterministic, weights, csv, json, console)
+    command.evaluate(
+        run=run,
+        trials=trials,
+        seed=seed,
+        deterministic=deterministic,
+        weights=weights,
+        csv=csv,
+        json_file=json,
+        console=console,
+    )
 
 
 @app.command()
@@ -127,15 +137,25 @@ def lesion(
         str | None,
         typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = TEST_TRIALS,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = TEST_SEED,
     weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
     out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="RUN-lesions")] = None,
 ) -> None:
     """Lesion a trained model in every way it can be, each without and with an epoch of retraining."""
     from bilateral_rl.commands import lesion as command
 
-    command.lesion(run, lesions, retrain, profile, trials, seed, weights, out, console)
+    command.lesion(
+        run=run,
+        lesions=lesions,
+        retrain=retrain,
+        profile=profile,
+        trials=trials,
+        seed=seed,
+        weights=weights,
+        out=out,
+        console=console,
+    )
 
 
 @app.command()
@@ -145,14 +165,14 @@ def compare(
         list[str] | None,
         typer.Option("--metric", help="Such as effort; may be repeated.", show_default="the task's preferred one"),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test (of models).")] = 1024,
-    seed: Annotated[int, typer.Option(help="Of the trials (of models).")] = 2_000_000,
+    trials: Annotated[int, typer.Option(help="Of each test (of models).")] = TEST_TRIALS,
+    seed: Annotated[int, typer.Option(help="Of the trials (of models).")] = TEST_SEED,
     csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
 ) -> None:
     """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""
     from bilateral_rl.commands import compare as command
 
-    command.compare_runs(runs, metrics, trials, seed, csv, console)
+    command.compare_runs(runs=runs, metrics=metrics, trials=trials, seed=seed, csv=csv, console=console)
 
 
 @app.command()
@@ -160,16 +180,26 @@ def render(
     runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="One run or several side by side; RUN:SEED.")],
     out: Annotated[Path | None, typer.Option(help="An .mp4 or .gif file.", show_default="RUN.mp4")] = None,
     trials: Annotated[int, typer.Option(help="How many, one after another.")] = 4,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = 2_000_000,
+    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = TEST_SEED,
     lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",
     weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the runs.")] = "final",
     slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
     size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
 ) -> None:
     """Make a video of trained models doing the same trials, muscles colored by activation."""
-    from bilateral_rl.commands.render import render as command
+    from bilateral_rl.commands import render as command
 
-    command(runs, out, trials, seed, lesion, weights, slow_down, size, console)
+    command.render(
+        runs=runs,
+        out=out,
+        trials=trials,
+        seed=seed,
+        lesion=lesion,
+        weights=weights,
+        slow_down=slow_down,
+        size=size,
+        console=console,
+    )
 
 
 @app.command()
@@ -191,7 +221,17 @@ def reproduce(
     """Reproduce the whole paper: seven models, two tasks, lesions, statistics, figures, and a report with verdicts."""
     from bilateral_rl.commands import reproduce as command
 
-    command.reproduce(algo, profile, seeds, quick, jobs, ray, overrides or [], out, console)
+    command.reproduce(
+        algo=algo,
+        profile=profile,
+        seeds=seeds,
+        quick=quick,
+        n_jobs=jobs,
+        ray=ray,
+        overrides=overrides or [],
+        out=out,
+        console=console,
+    )
 
 
 @app.command()
@@ -208,7 +248,7 @@ def sweep(
         list[str] | None,
         typer.Option("--metric", help="To print, such as time_in_goal_1cm; may be repeated."),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test.")] = 1024,
+    trials: Annotated[int, typer.Option(help="Of each test.")] = TEST_TRIALS,
     jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
     ray: Annotated[
         str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
@@ -218,7 +258,17 @@ def sweep(
     """Train at every point of a grid of settings, and show what came out side by side."""
     from bilateral_rl.commands import sweep as command
 
-    command.sweep(algo, grid, overrides or [], metrics, trials, jobs, ray, out, console)
+    command.sweep(
+        algo=algo,
+        grid=grid,
+        overrides=overrides or [],
+        metrics=metrics,
+        trials=trials,
+        n_jobs=jobs,
+        ray=ray,
+        out=out,
+        console=console,
+    )
 
 
 @app.command("import")
@@ -239,7 +289,9 @@ def import_(
     """Make a run of a model saved by stable-baselines3, so that every other command can take it."""
     from bilateral_rl.commands import import_model as command
 
-    command.import_zip(model, task, trust_pickle, overrides or [], out, console)
+    command.import_zip(
+        path=model, task=task, trust_pickle=trust_pickle, overrides=overrides or [], out=out, console=console
+    )
 
 
 @app.command("list")

@@ -15,6 +15,7 @@ from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
 from bilateral_rl.analysis.results import COLUMNS, read_results
 from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
 from bilateral_rl.commands.lesion import RESULTS, default_place
 from bilateral_rl.commands.writing import apart_from, write
@@ -45,11 +46,10 @@ class _Chosen:
 
 
 def compare_runs(
-    runs: Sequence[str], metrics: Sequence[str] | None, trials: int, seed: int, csv: Path | None, console: Console
+    *, runs: Sequence[str], metrics: Sequence[str] | None, trials: int, seed: int, csv: Path | None, console: Console
 ) -> None:
     """Compare several runs' models, or the lesions of one, seeds as the unit."""
-    if trials < 1 or seed < 0:
-        raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    check_trials(trials, seed)
     console = apart_from(console, csv)
     chosen = [_Chosen(folder, only, folder.config()) for folder, only in map(parse_run, runs)]
     tasks = {one.config.task for one in chosen}

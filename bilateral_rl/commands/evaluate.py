@@ -10,13 +10,14 @@ import pandas as pd
 from rich.console import Console
 
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
+from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.training_report import measures_table
 from bilateral_rl.commands.writing import apart_from, finite, write
-from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.policies import load_policies, parse_run
 
 
 def evaluate(
+    *,
     run: str,
     trials: int,
     seed: int,
@@ -27,8 +28,7 @@ def evaluate(
     console: Console,
 ) -> None:
     """Test a run's policies, or one of them, and print, and perhaps write, their measures."""
-    if trials < 1 or seed < 0:
-        raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    check_trials(trials, seed)
     console = apart_from(console, csv, json_file)
     folder, only = parse_run(run)
     config = folder.config()

@@ -15,7 +15,7 @@ from bilateral_rl.runs.sb3_import import import_model
 
 
 def import_zip(
-    path: Path, task: str, trust_pickle: bool, overrides: Sequence[str], out: Path, console: Console
+    *, path: Path, task: str, trust_pickle: bool, overrides: Sequence[str], out: Path, console: Console
 ) -> None:
     """Make a run of a model that stable-baselines3 saved."""
     if not path.is_file():

@@ -21,6 +21,7 @@ from torch.utils.tensorboard import SummaryWriter
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import ALONE, Metric, find_metric, preferred_metric, specialization_index
 from bilateral_rl.analysis.results import by_seed
+from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.config.parse import plain
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import with_unit
@@ -40,6 +41,7 @@ _SHOWN = ("final_error",)
 
 
 def lesion(
+    *,
     run: str,
     lesions: Sequence[str] | None,
     retrain: bool,
@@ -51,8 +53,7 @@ def lesion(
     console: Console,
 ) -> None:
     """Test a run's networks intact and lesioned; print, and write beside the run, what they do."""
-    if trials < 1 or seed < 0:
-        raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    check_trials(trials, seed)
     folder, only = parse_run(run)
     settings = LesionSettings(tuple(lesions) if lesions else None, retrain, profile, trials, seed)
     study = LesionStudy(folder, settings, only, weights)

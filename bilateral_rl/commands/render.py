@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.progress import track
 
 from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS
@@ -27,6 +28,7 @@ MIN_FPS, MAX_FPS = 5, 50
 
 
 def render(
+    *,
     runs: Sequence[str],
     out: Path | None,
     trials: int,
@@ -96,8 +98,7 @@ def _seed_notes(actors: Sequence[Actor]) -> list[str]:
 def _check_arguments(runs: Sequence[str], trials: int, seed: int, lesion: str, size: int) -> None:
     if not runs:
         raise UserError("render needs at least one run; `bilateral-rl list` shows those there are.")
-    if trials < 1 or seed < 0:
-        raise UserError(f"--trials must be at least 1 and --seed at least 0, got {trials} and {seed}.")
+    check_trials(trials, seed)
     if size < MIN_SIZE or size % 2:
         raise UserError(f"--size must be an even number of at least {MIN_SIZE} pixels, got {size}.")
     check_choice("lesion", lesion, [INTACT, *LESIONS])

@@ -28,6 +28,7 @@ _STYLES = {"supported": "green", "not supported": "red", "undecided": "yellow"}
 
 
 def reproduce(
+    *,
     algo: str,
     profile: str,
     seeds: int | None,

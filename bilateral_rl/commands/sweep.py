@@ -13,6 +13,7 @@ from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
+from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
 from bilateral_rl.config import parse as settings
 from bilateral_rl.figures.labels import with_unit
@@ -26,6 +27,7 @@ from bilateral_rl.study.sweep import Sweep, parse_grid, point_name, read_sweep
 
 
 def sweep(
+    *,
     algo: str,
     grid: Sequence[str],
     overrides: Sequence[str],
@@ -37,8 +39,7 @@ def sweep(
     console: Console,
 ) -> None:
     """Train at every point of a grid and print what came out, a row a point."""
-    if trials < 1:
-        raise UserError(f"--trials must be at least 1, got {trials}.")
+    check_trials(trials)
     wanted = [find_metric(name) for name in metrics or []]
     study = Sweep(algo, parse_grid(grid), settings.parse_overrides(overrides), trials)
     at_once, threads = side_by_side(n_jobs, len(study.points()))

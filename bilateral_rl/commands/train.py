@@ -23,9 +23,10 @@ from bilateral_rl.runs.policies import initial_states, parse_run
 from bilateral_rl.training import run as training
 from bilateral_rl.training.session import Outcome, check_device
 from bilateral_rl.training.tracking import check_tracking
+from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
 INTERRUPTED_EXIT = 128 + signal.SIGINT
-SUMMARY_TRIALS, SUMMARY_SEED = 1024, 2_000_000
+SUMMARY_TRIALS, SUMMARY_SEED = TEST_TRIALS, TEST_SEED
 """Of the table at the end of a training; `evaluate` defaults to the same, so that both print the same numbers."""
 
 

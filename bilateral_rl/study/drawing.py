@@ -26,8 +26,9 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.outcome import learning_history
 from bilateral_rl.training.lesion_probe import read_probes
+from bilateral_rl.vocabulary import TEST_SEED
 
-TRIALS, TRIALS_SEED = 128, 2_000_000
+TRIALS, TRIALS_SEED = 128, TEST_SEED
 """Of the trials that figures show."""
 _COMPARED = {
     "random_reach": ("goal_completion", "speed_to_goal", "effort", "sparc"),

@@ -20,7 +20,7 @@ from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, Les
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.study.retraining import Retraining
-from bilateral_rl.vocabulary import PENALTIES, PROFILES
+from bilateral_rl.vocabulary import PENALTIES, PROFILES, TEST_SEED, TEST_TRIALS
 
 THRESHOLDS = (0.01, 0.02, 0.03, 0.05)
 """Goal radii that studies report (m)."""
@@ -39,9 +39,9 @@ class LesionSettings:
     """Whether the output layer also adapts for one epoch in each state."""
     profile: str | None = None
     """Whose combined lesions: "paper" or "released"; None for the run's profile."""
-    trials: int = 1024
+    trials: int = TEST_TRIALS
     """Of each test."""
-    seed: int = 2_000_000
+    seed: int = TEST_SEED
     """Of the test trials; trial i is the first one of seed + i."""
     threads: int = 0
     """CPU threads of the retraining; 0 for as many as there are."""

@@ -19,6 +19,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.outcome import read_result
 from bilateral_rl.study.plan import TRAIN_AND_MEASURE, cost_of
+from bilateral_rl.vocabulary import TEST_TRIALS
 
 MAX_POINTS = 1_000
 """Of a grid: more is a slip of the finger."""
@@ -37,8 +38,8 @@ class Sweep:
     """Values, as ``--set`` takes them, by setting; models and tasks are settings too."""
     overrides: Values = field(default_factory=dict)
     """Settings of every training."""
-    trials: int = 1024
-    """Of each test."""
+    trials: int = TEST_TRIALS
+    """Trials of each test."""
 
     def __post_init__(self) -> None:
         n = math.prod(map(len, self.grid.values()))

@@ -70,7 +70,7 @@ class Experiment(ExperimentManager):
         return make
 
     def hyperparameters_optimization(self) -> None:
-        """Search as rl_zoo3 does. Raises UserError for a stock algorithm with our policies: no search space has them."""
+        """Search as rl_zoo3 does. Raises UserError for a stock algorithm with our policies: it has no search space."""
         if self.algo not in ZOO_ALGORITHMS and self._hyperparams.get("policy") in POLICY_ALIASES:
             raise UserError(
                 f"rl_zoo3's search space of {self.algo} is for its own policies; search with --algo "

@@ -67,7 +67,9 @@ def show(tmp_path):
         said = io.StringIO()
         options = {"seed": 7, "weights": "final", "slow_down": 4, "size": SIZE} | options
         console = Console(file=said, width=1000)
-        path = render([str(run) for run in runs], out, trials, lesion=lesion, console=console, **options)
+        path = render(
+            runs=[str(run) for run in runs], out=out, trials=trials, lesion=lesion, console=console, **options
+        )
         meta, pictures = _decode(path) if path.suffix == ".mp4" and path.exists() else (None, None)
         return SimpleNamespace(path=path, said=said.getvalue(), meta=meta, pictures=pictures)
 

@@ -293,7 +293,7 @@ def test_a_network_is_not_compared_with_itself(call, make_run):
     [
         (["runs/none"], "no run runs/none"),
         (["--trials", "0"], "--trials must be at least 1"),
-        (["--seed", "-1"], "--seed at least 0"),
+        (["--seed", "-1"], "--seed must be at least 0"),
     ],
 )
 def test_a_mistake_is_one_clear_sentence(call, make_run, arguments, says):

@@ -52,7 +52,8 @@ def lesioned(_trained_bptt, tmp_path_factory):
     run = RunFolder(tmp_path_factory.mktemp("lesioned") / RUN)
     shutil.copytree(_trained_bptt.path, run.path)
     before, console = files(run.path), Console(file=io.StringIO(), width=80)
-    command.lesion(str(run.path), None, True, None, 8, 7, "final", None, console)
+    options = {"lesions": None, "retrain": True, "profile": None, "trials": 8, "seed": 7, "weights": "final"}
+    command.lesion(run=str(run.path), out=None, console=console, **options)
     place = run.path.with_name("cc_s-bptt-1-lesions")
     return SimpleNamespace(run=run, before=before, out=console.file.getvalue(), place=place)
 
@@ -289,7 +290,7 @@ def unchanged(call, tmp_path, *arguments):
         ([RUN, "--profile", "code"], "paper, released"),
         ([RUN, "--weights", "step_1"], "best, final"),
         ([RUN, "--trials", "0"], "--trials must be at least 1"),
-        ([RUN, "--seed", "-1"], "--seed at least 0"),
+        ([RUN, "--seed", "-1"], "--seed must be at least 0"),
         ([RUN, "--out", RUN], "lies in the run"),
         ([RUN, "--out", f"{RUN}/lesions"], "lies in the run"),
         ([RUN, "--out", "runs"], "holds other things"),

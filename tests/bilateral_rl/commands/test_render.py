@@ -94,7 +94,7 @@ def test_other_settings_are_said_and_the_first_runs_count(show, filmed, bptt_run
 REFUSED = {
     "unknown lesion": ({"lesion": "left"}, "Unknown lesion 'left'; choose from intact, shallow_dominant"),
     "no trial": ({"trials": 0}, "--trials must be at least 1"),
-    "negative seed": ({"seed": -1}, "--seed at least 0"),
+    "negative seed": ({"seed": -1}, "--seed must be at least 0"),
     "odd size": ({"size": 401}, "even number of at least 320 pixels, got 401"),
     "small size": ({"size": 100}, "even number of at least 320 pixels, got 100"),
     "too fast": ({"slow_down": 1}, "from 2 to 20, .* got 1"),

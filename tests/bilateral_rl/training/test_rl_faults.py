@@ -131,15 +131,16 @@ def test_sigterm_stops_a_supervised_training_too(tmp_path, small_bptt):
 
 def test_a_killed_evaluation_leaves_the_old_table_or_the_new_one(tmp_path, run):
     table, output = tmp_path / "table.csv", tmp_path / "output"
-    arguments = (str(run.path), 2_000, 5, True, "final")
-    evaluate(*arguments, table, None, Console(file=io.StringIO()))
+    arguments = {"run": str(run.path), "trials": 2_000, "seed": 5, "deterministic": True, "weights": "final"}
+    arguments |= {"csv": table, "json_file": None, "console": Console(file=io.StringIO())}
+    evaluate(**arguments)
     new = table.read_bytes()
     table.write_text("old")
     names = {table.name, output.name, "runs"}
     with started("evaluate", run.path, "--trials", 2_000, "--seed", 5, "--csv", table, output=output) as process:
         wait_until(lambda: _names(tmp_path) - names or not process.is_alive(), process, output, pause=0)
     assert table.read_bytes() in (b"old", new)
-    evaluate(*arguments, table, None, Console(file=io.StringIO()))
+    evaluate(**arguments)
     assert table.read_bytes() == new
     assert _names(tmp_path) == names  # what the killed one left behind is gone
 
