@@ -31,28 +31,30 @@ class NotFiniteError(UserError, ValueError):
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """``n`` trials of ``T`` steps."""
+    """``n`` trials of ``T`` steps, in float32."""
 
+    joint: Float
+    """(n, T + 1, 2): angles of shoulder and elbow at the start and after each step (rad)."""
     hand: Float
-    """(n, T + 1, 2), from the start on (m)."""
+    """(n, T + 1, 2): position of the hand at the start and after each step (m), the shoulder at the origin."""
     target: Float
-    """(n, 2) m."""
+    """(n, 2): position of the target (m)."""
     load: Float
-    """(n, 2) N."""
+    """(n, 2): force on the hand (N)."""
     distance: Float
-    """(n, T), hand to target after each step (m)."""
+    """(n, T): distance from hand to target after each step (m)."""
     start_distance: Float
-    """(n,) m."""
+    """(n,): distance from hand to target at the start (m)."""
     observation: Float
-    """(n, T, 16), what the policy saw before each step."""
+    """(n, T, 16): what the policy saw before each step, in the units of :class:`~bilateral_rl.envs.ArmEnv`."""
     excitation: Float
-    """(n, T, 6), commands in [0, 1]."""
+    """(n, T, 6): commands to the muscles in each step, in [0, 1]."""
     activation: Float
-    """(n, T, 6), of the muscles after each step, in [0, 1]."""
+    """(n, T, 6): activation of the muscles after each step, in [0, 1]."""
     vector_return: Float
-    """(n, 2), dominant and non-dominant."""
+    """(n, 2): sum of the rewards over the trial, dominant and non-dominant."""
     arm: ArmParameters
-    """Whose trials these are; ``arm.timestep`` is the length of a step (s)."""
+    """The arm that moved; ``arm.timestep`` is the length of a step (s)."""
 
     def summary(self, threshold: float) -> dict[str, float]:
         """Means over the trials, in the units that people read: percent, cm, steps."""
@@ -115,17 +117,18 @@ class Evaluator:
         batch = self._batch
         length = batch.settings.trial_length
         TrialStreams(batch, self._seeds).start(np.arange(batch.n, dtype=np.int32))
-        hand = np.empty((batch.n, length + 1, 2), dtype=np.float32)
+        joint, hand = np.empty((2, batch.n, length + 1, 2), dtype=np.float32)
         observation = np.empty((batch.n, length, batch.observation.shape[1]), dtype=np.float32)
         excitation, activation = np.empty((2, batch.n, length, batch.excitation.shape[1]), dtype=np.float32)
-        hand[:, 0] = batch.hand
+        joint[:, 0], hand[:, 0] = batch.joint[:, :2], batch.hand
         for step in range(length):
             observation[:, step] = batch.observation
             batch.step(_action(policy, batch.observation, deterministic))
-            hand[:, step + 1] = batch.hand
+            joint[:, step + 1], hand[:, step + 1] = batch.joint[:, :2], batch.hand
             excitation[:, step] = batch.excitation
             activation[:, step] = batch.muscle[:, ACTIVATION]
         return TrialRecord(
+            joint=joint,
             hand=hand,
             target=batch.target.copy(),
             load=batch.load.copy(),

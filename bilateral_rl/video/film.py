@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.trials import TrialRecord
-from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.rendering import Scene, draw, tile
 
@@ -36,7 +34,7 @@ class Take:
         record = self.record
         rest = np.full(record.activation.shape[-1], record.arm.min_activation)
         return Scene(
-            angles=self._angles[trial, step],
+            angles=record.joint[trial, step],
             activation=record.activation[trial, step - 1] if step else rest,
             target=record.target[trial],
             path=record.hand[trial, : step + 1],
@@ -54,10 +52,6 @@ class Take:
         if step and so_far.goal_completion[0]:
             return "goal reached"
         return "goal not reached" if step == len(distance) else "goal not reached yet"
-
-    @cached_property
-    def _angles(self) -> NDArray[np.float64]:
-        return postures(self.record.arm, self.record.hand.astype(np.float64))
 
 
 @dataclass(frozen=True)
@@ -124,18 +118,3 @@ class Film:
     @property
     def _first(self) -> TrialRecord:
         return self.takes[0].record
-
-
-def postures(arm: ArmParameters, hand: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles (..., 2) of shoulder and elbow (rad) that put the hand at ``hand`` (..., 2) (m).
-
-    There is one such posture, as the elbow bends to one side only: the law of cosines gives it.
-    """
-    upper, fore = arm.link_length
-    cosine = ((hand**2).sum(axis=-1) - upper**2 - fore**2) / (2 * upper * fore)
-    elbow = np.arccos(np.clip(cosine, -1, 1))
-    toward_hand = np.arctan2(hand[..., 1], hand[..., 0])
-    shoulder = toward_hand - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
-    # The branch in which the shoulder's range lies; moment arms depend on the angle itself.
-    shoulder = (shoulder + np.pi / 2) % (2 * np.pi) - np.pi / 2
-    return np.stack((shoulder, elbow), axis=-1)

@@ -18,11 +18,14 @@ from bilateral_rl.video.film import Film, Take
 pytest.importorskip("pygame")
 
 SIZE = 320
+JOINT = (0.26773175, 1.60175456)
+"""Shoulder and elbow (rad) of the hand at (0.2, 0.4)."""
 
 
 def _make_record(n=1, steps=8, **values) -> TrialRecord:
     """``n`` trials of a hand that stays at (0.2, 0.4), 30 cm from its target, by muscles at 0.1."""
     record = {
+        "joint": np.tile(np.float32(JOINT), (n, steps + 1, 1)),
         "hand": np.tile(np.float32([0.2, 0.4]), (n, steps + 1, 1)),
         "target": np.tile(np.float32([-0.1, 0.4]), (n, 1)),
         "load": np.zeros((n, 2), np.float32),

@@ -27,6 +27,7 @@ def make_record(hand, target, excitation=0.0, arm=None):
     n, steps = len(hand), hand.shape[1] - 1
     distance = np.linalg.norm(hand - target[:, None], axis=2)
     return TrialRecord(
+        joint=np.zeros((n, steps + 1, 2), dtype=np.float32),
         hand=hand,
         target=target,
         load=np.zeros((n, 2), dtype=np.float32),

@@ -32,6 +32,16 @@ def test_trial_i_is_the_first_trial_of_an_environment_with_seed_plus_i(policy):
         assert info["vector_return"] == pytest.approx(record.vector_return[i], rel=1e-4)
 
 
+def test_the_joints_put_the_hand_where_it_is(policy):
+    record = Evaluator("random_reach", TrialSettings(), 4, seed=0).run(policy)
+    upper, fore = record.arm.link_length
+    shoulder, elbow = np.moveaxis(record.joint.astype(float), -1, 0)
+    x = upper * np.cos(shoulder) + fore * np.cos(shoulder + elbow)
+    y = upper * np.sin(shoulder) + fore * np.sin(shoulder + elbow)
+    assert np.ptp(shoulder, axis=1).min() > 0.01
+    np.testing.assert_allclose(record.hand, np.stack((x, y), axis=-1), atol=1e-6)
+
+
 def test_a_summary_is_in_percent_centimeters_and_steps(policy):
     record = Evaluator("random_reach", TrialSettings(), 2, seed=0).run(policy)
     distance = np.full((2, 50), 0.3, dtype=np.float32)

@@ -42,6 +42,7 @@ def make_record():
 
     def make(n=4, steps=10, **arrays):
         shapes = {
+            "joint": (n, steps + 1, 2),
             "hand": (n, steps + 1, 2),
             "target": (n, 2),
             "load": (n, 2),

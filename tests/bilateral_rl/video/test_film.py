@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from bilateral_rl.envs import ArmEnv
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.video.film import Take, postures
+from bilateral_rl.video.film import Take
 
 SIZE = 320
 CAPTION = SIZE // 8
@@ -14,39 +13,19 @@ PAUSE = 15
 """Pictures of 0.6 s at 25 a second."""
 
 
-def test_the_posture_of_a_hand_is_the_one_that_puts_it_there():
-    arm = ArmParameters()
-    shoulder, elbow = np.meshgrid(np.radians(np.linspace(0, 135, 28)), np.radians(np.linspace(0, 155, 32)))
-    upper, fore = arm.link_length
-    x = upper * np.cos(shoulder) + fore * np.cos(shoulder + elbow)
-    y = upper * np.sin(shoulder) + fore * np.sin(shoulder + elbow)
-    angles = postures(arm, np.stack((x, y), axis=-1))
-    np.testing.assert_allclose(angles, np.stack((shoulder, elbow), axis=-1), atol=1e-6)
-
-
-def test_postures_are_those_of_the_simulated_arm():
-    env = ArmEnv("random_reach")
-    env.action_space.seed(1)
-    for seed in range(5):
-        env.reset(seed=seed)
-        for _ in range(50):
-            env.step(env.action_space.sample())
-            angles = postures(env.settings.arm, env.batch.hand.astype(float))
-            np.testing.assert_allclose(angles, env.batch.joint[:, :2], atol=2e-3)
-
-
 def test_a_scene_shows_the_arm_after_so_many_steps(make_record):
     rng = np.random.default_rng(0)
     activation = rng.random((2, 8, 6), dtype=np.float32)
     hand = np.float32([0.1, 0.3]) + 0.1 * rng.random((2, 9, 2), dtype=np.float32)
+    joint = rng.random((2, 9, 2), dtype=np.float32)
     load = np.float32([[1, 2], [3, -4]])
-    take = Take("cc_s", make_record(2, activation=activation, hand=hand, load=load), 0.03)
+    take = Take("cc_s", make_record(2, activation=activation, joint=joint, hand=hand, load=load), 0.03)
     start, later = take.scene(1, 0, "t"), take.scene(1, 5, "t")
     np.testing.assert_array_equal(start.activation, np.full(6, ArmParameters().min_activation))
     np.testing.assert_array_equal(start.path, hand[1, :1])
     np.testing.assert_array_equal(later.activation, activation[1, 4])
     np.testing.assert_array_equal(later.path, hand[1, :6])
-    np.testing.assert_allclose(later.angles, postures(ArmParameters(), hand[1, 5].astype(float)))
+    np.testing.assert_array_equal(later.angles, joint[1, 5])
     np.testing.assert_array_equal(later.load, [3, -4])
     assert later.threshold == 0.03
     assert later.caption.splitlines() == ["cc_s", "t", take.goal(1, 5)]
