@@ -1,11 +1,75 @@
 """Two-hemisphere motor controllers on a six-muscle arm, trained with stable-baselines3.
 
-``import bilateral_rl`` registers the environments with Gymnasium and the policies' names with SB3's PPO and A2C, so
-that ``PPO("CallosalPolicy", "bilateral_rl/RandomReach-v0")`` works.
+``import bilateral_rl`` registers the environments with Gymnasium and the policies' names with SB3's PPO, A2C, SAC and
+TD3, so that ``PPO("CallosalPolicy", "bilateral_rl/RandomReach-v0")`` works. It imports neither library by itself: what
+needs one is registered as soon as that library is imported.
 """
 
-from bilateral_rl import envs, policies
+from __future__ import annotations
+
+import importlib
+import importlib.abc
+import importlib.machinery
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bilateral_rl import algorithms, envs, policies
 
 __version__ = "0.2.0"
 
-__all__ = ["__version__", "envs", "policies"]
+__all__ = ["__version__", "algorithms", "envs", "policies"]
+
+_REGISTERED_BY = {"gymnasium": "bilateral_rl.envs.registration", "stable_baselines3": "bilateral_rl.policies"}
+"""The module whose import registers with each library."""
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> ModuleType:
+        if name in __all__:
+            return importlib.import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _AfterImport(importlib.abc.MetaPathFinder):
+    """Finds the libraries of ``_REGISTERED_BY`` as Python would, and registers with each once it is imported."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname not in _REGISTERED_BY:
+            return None
+        for finder in sys.meta_path:
+            spec = None if finder is self else finder.find_spec(fullname, path, target)
+            if spec is not None and spec.loader is not None:
+                _register_after(spec.loader, _REGISTERED_BY[fullname])
+                return spec
+        return None
+
+
+def _register_after(loader: Any, registration: str) -> None:
+    """Let ``loader``, made for one import, import the module ``registration`` as its last act."""
+    execute = loader.exec_module
+
+    def exec_module(module: ModuleType) -> None:
+        execute(module)
+        importlib.import_module(registration)
+
+    loader.exec_module = exec_module
+
+
+def _register() -> None:
+    sys.meta_path.insert(0, _AfterImport())
+    for library, registration in _REGISTERED_BY.items():
+        if library in sys.modules:
+            importlib.import_module(registration)
+
+
+_register()

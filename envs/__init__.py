@@ -1,29 +1,35 @@
 """The world: the arm, its tasks, and the environments that face it.
 
-Importing this package registers ``bilateral_rl/RandomReach-v0`` and ``bilateral_rl/HoldPosition-v0`` with Gymnasium.
+``import bilateral_rl`` registers ``bilateral_rl/RandomReach-v0`` and ``bilateral_rl/HoldPosition-v0`` with Gymnasium.
+The names below are imported when they are first used, so that settings can be read without Warp, torch and SB3.
 """
 
-from gymnasium.envs.registration import register, registry
+from __future__ import annotations
 
-from bilateral_rl.envs.arm import MUSCLE_NAMES, Arm, ArmParameters, ArmState
-from bilateral_rl.envs.arm_env import ArmEnv
-from bilateral_rl.envs.arm_vec_env import ArmVecEnv
-from bilateral_rl.envs.arm_vector_env import ArmVectorEnv
-from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, Task, Trials
-from bilateral_rl.envs.trials import TrialSettings
-from bilateral_rl.envs.vector_reward import Transition, VectorReward
+import importlib
+from typing import TYPE_CHECKING, Any
 
-ENVIRONMENT_IDS = {"random_reach": "bilateral_rl/RandomReach-v0", "hold_position": "bilateral_rl/HoldPosition-v0"}
-"""Gymnasium's name of each task."""
+if TYPE_CHECKING:
+    from bilateral_rl.envs.arm import MUSCLE_NAMES, Arm, ArmParameters, ArmState
+    from bilateral_rl.envs.arm_env import ArmEnv
+    from bilateral_rl.envs.arm_vec_env import ArmVecEnv
+    from bilateral_rl.envs.arm_vector_env import ArmVectorEnv
+    from bilateral_rl.envs.registration import ENVIRONMENT_IDS
+    from bilateral_rl.envs.settings import TrialSettings
+    from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, Task, Trials
+    from bilateral_rl.envs.vector_reward import Transition, VectorReward
 
-for _task, _id in ENVIRONMENT_IDS.items():
-    if _id not in registry:
-        register(
-            id=_id,
-            entry_point="bilateral_rl.envs.arm_env:ArmEnv",
-            vector_entry_point="bilateral_rl.envs.arm_vector_env:ArmVectorEnv",
-            kwargs={"task": _task},
-        )
+_NAMES = {
+    "arm": ("MUSCLE_NAMES", "Arm", "ArmParameters", "ArmState"),
+    "arm_env": ("ArmEnv",),
+    "arm_vec_env": ("ArmVecEnv",),
+    "arm_vector_env": ("ArmVectorEnv",),
+    "registration": ("ENVIRONMENT_IDS",),
+    "settings": ("TrialSettings",),
+    "tasks": ("TASKS", "HoldPosition", "RandomReach", "Task", "Trials"),
+    "vector_reward": ("Transition", "VectorReward"),
+}
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "ENVIRONMENT_IDS",
@@ -42,4 +48,16 @@ __all__ = [
     "TrialSettings",
     "Trials",
     "VectorReward",
-]  # fmt: skip
+]
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

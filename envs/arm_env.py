@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.scene import RENDER_FPS, RENDER_MODES, SceneView
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials, make_task
-from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+from bilateral_rl.envs.trials import TrialBatch
 
 _ARM = np.zeros(1, dtype=np.int32)
 _TRIAL_OPTIONS = ("start", "goal", "load")

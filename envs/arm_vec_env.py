@@ -17,9 +17,10 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.scene import SceneView
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
-from bilateral_rl.envs.trials import TrialBatch, TrialSettings, check_array
+from bilateral_rl.envs.trials import TrialBatch, check_array
 
 
 class ArmVecEnv(VecEnv):

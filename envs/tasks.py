@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from bilateral_rl.envs.trials import TrialSettings
+    from bilateral_rl.envs.settings import TrialSettings
 
 Float = NDArray[np.float32]
 

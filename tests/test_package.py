@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-import bilateral_rl
-
 ROOT = Path(__file__).parents[1]
 
 
@@ -28,19 +26,3 @@ def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
     expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
     data = {"config/defaults.yaml", "py.typed", "study/report.html.jinja"}
     assert names == expected | {f"bilateral_rl/{name}" for name in data}
-
-
-def test_importing_the_package_registers_environments_and_policies():
-    import gymnasium
-    from stable_baselines3 import A2C, PPO
-
-    assert {"bilateral_rl/RandomReach-v0", "bilateral_rl/HoldPosition-v0"} <= gymnasium.registry.keys()
-    for algorithm in (PPO, A2C):
-        assert {"MlpPolicy", "UnilateralPolicy", "BilateralPolicy", "CallosalPolicy"} <= algorithm.policy_aliases.keys()
-    assert bilateral_rl.__version__
-
-
-def test_start_up_is_silent():
-    code = "import bilateral_rl; bilateral_rl.envs.ArmEnv().reset(seed=0)"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert (done.stdout, done.stderr) == ("", "")

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.measures import trial_measures
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
-from bilateral_rl.envs.trials import TrialBatch, TrialSettings
+from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from bilateral_rl.bptt.rollout_arrays import TrialTensors
 from bilateral_rl.envs.arm import Arm
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task
-from bilateral_rl.envs.trials import TrialSettings
 
 _WEIGHTS, _TRAINING, _VALIDATION, _ORDER, _RETRAINING = range(5)
 """A seed's random streams; none depends on how much of another was used."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import Architecture, Loss
 
@@ -63,4 +62,4 @@ def check_names(algo: str, model: str, task: str) -> None:
     """Raise a UserError if one of the three is unknown."""
     check_choice("algorithm", algo, ALGORITHMS)
     check_choice("model", model, MODELS)
-    check_choice("task", task, TASKS)
+    check_choice("task", task, TASK_DESCRIPTIONS)

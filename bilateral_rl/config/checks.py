@@ -8,7 +8,6 @@ from bilateral_rl.config.catalogue import MAX_SEEDS, check_choice, find_model
 from bilateral_rl.config.schema import BPTTConfig, OnPolicyConfig, RLConfig, StreamConfig, TrainConfig
 from bilateral_rl.config.sizes import check_sizes
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.networks import make_network
 from bilateral_rl.vocabulary import PENALTIES, PROFILES
 
 MAX_ARMS, MAX_SIZE, MAX_CRITICS = 1_000_000, 10_000, 10
@@ -20,19 +19,30 @@ def check(config: TrainConfig) -> None:
     """Raise a UserError for a number that cannot work, saying which would."""
     _check_range("seed", config.seed, 0, MAX_SEED)
     _check_range("trial.trial_length", config.trial.trial_length, 1, MAX_SIZE)
-    _check_range("network.units", config.network.units, 0, MAX_SIZE)
-    _check_range("network.layers", config.network.layers, 0, MAX_SIZE)
+    _check_range("network.units", config.network.units, 1, MAX_SIZE)
+    _check_range("network.layers", config.network.layers, 1, MAX_SIZE)
     check_sizes(config)
     if config.device != "cpu" and not config.device.startswith("cuda"):
         raise UserError(f"Unknown device {config.device!r}; choose cpu or cuda.")
-    try:
-        make_network(find_model(config.model).architecture, 1, 1, config.network.units, config.network.layers)
-    except ValueError as error:
-        raise UserError(f"The model {config.model} cannot be built: {error}") from None
+    _check_network(config)
     if isinstance(config, RLConfig):
         _check_rl(config)
     if isinstance(config, BPTTConfig):
         _check_bptt(config)
+
+
+def _check_network(config: TrainConfig) -> None:
+    """Refuse sizes that the architecture cannot have, without building it: that would draw random weights."""
+    architecture, units, layers = find_model(config.model).architecture, config.network.units, config.network.layers
+    trouble = None
+    if architecture != "unilateral" and units % 2:
+        trouble = f"a {architecture} network splits its units over two sides, and network.units = {units} is odd"
+    elif architecture == "callosal" and units < 4:
+        trouble = f"a callosal network pools two units a side, so network.units must be at least 4, got {units}"
+    elif architecture == "callosal" and layers < 2:
+        trouble = f"a callosum lies between hidden layers, so network.layers must be at least 2, got {layers}"
+    if trouble is not None:
+        raise UserError(f"The model {config.model} cannot be built: {trouble}.")
 
 
 def _check_rl(config: RLConfig) -> None:

@@ -7,7 +7,7 @@ import typing
 from dataclasses import dataclass, field
 
 from bilateral_rl.config.parse import Values, plain
-from bilateral_rl.envs.trials import TrialSettings
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, Penalty, Profile
 
 

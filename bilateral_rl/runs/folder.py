@@ -13,19 +13,19 @@ import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import torch
 import yaml
 
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io import files
-from bilateral_rl.io import tensors as tensor_files
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
-from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.yaml_files import read_settings
+
+if TYPE_CHECKING:
+    from bilateral_rl.io.tensors import Tensors
 
 FINAL, BEST = "final", "best"
 """Names of weights."""
@@ -134,6 +134,8 @@ class RunFolder:
 
     def load_weights(self, name: str) -> Tensors:
         """Read ``weights/<name>.safetensors``. Raises UserError if it is missing, damaged or not finite."""
+        from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
+
         names = self.weight_names()
         path = self.path / "weights" / f"{name}.safetensors"
         try:
@@ -155,6 +157,8 @@ class RunFolder:
         Raises:
             UserError: the weights are missing, damaged or not finite.
         """
+        from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
+
         return tensor_files.content_hash(self.load_weights(name))
 
     def weight_names(self) -> list[str]:
@@ -167,6 +171,8 @@ class RunFolder:
 
     def load_resume(self) -> Tensors:
         """What :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
+        from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
+
         path = self.path / "resume.safetensors"
         try:
             return tensor_files.load(path, LARGEST_RESUME, within=self.path)
@@ -193,6 +199,8 @@ class RunFolder:
             temporary.write_text(text, encoding="utf-8")
 
     def _write_tensors(self, name: str, tensors: Tensors) -> None:
+        from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
+
         with replacing(self.path / name) as temporary:
             tensor_files.save(tensors, temporary)
 
@@ -204,8 +212,11 @@ def find_runs(out: Path) -> list[RunFolder]:
 
 def versions() -> dict[str, Any]:
     """Versions of what computes, the git commit if the code is in a checkout, and the machine."""
-    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
+    import torch
+
     from bilateral_rl import __version__
+
+    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
 
     return {
         "bilateral-rl": __version__,

@@ -15,8 +15,8 @@ from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
 from bilateral_rl.bptt.trials import retraining_trials
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import SupervisedConfig
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
-from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies.lesions import Lesion
 from bilateral_rl.vocabulary import Penalty

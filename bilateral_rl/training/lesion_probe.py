@@ -14,7 +14,7 @@ from bilateral_rl.analysis.metrics import ALONE, find_metric, preferred_metric, 
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
-from bilateral_rl.envs.trials import TrialSettings
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
-from bilateral_rl.envs.trials import TrialSettings
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import printable
 from bilateral_rl.policies import MotorPolicy

@@ -3,17 +3,19 @@ import importlib.resources
 import json
 
 import pytest
+import torch
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
+from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
 from bilateral_rl.config.parse import merge, parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
 from bilateral_rl.config.schema import BPTTConfig, PPORunConfig, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
+from bilateral_rl.policies import make_network
 
 
 @pytest.mark.parametrize("task", TASKS)
@@ -101,6 +103,31 @@ def test_exponents_without_a_point_are_numbers():
 def test_what_cannot_work_is_refused_by_name(values, names):
     with pytest.raises(UserError, match=names):
         resolve(None, None, [values])
+
+
+@pytest.mark.parametrize("model", ["uni_b", "bi_s", "cc_s"])
+@pytest.mark.parametrize("units", range(-1, 7))
+@pytest.mark.parametrize("layers", range(-1, 4))
+def test_exactly_the_networks_that_cannot_be_built_are_refused(model, units, layers):
+    try:
+        make_network(MODELS[model].architecture, 16, 6, units, layers)
+    except ValueError:
+        with pytest.raises(UserError, match=r"units|layers"):
+            resolve(None, None, [{"network": {"units": units, "layers": layers}}], model=model)
+    else:
+        assert (
+            resolve(None, None, [{"network": {"units": units, "layers": layers}}], model=model).network.units == units
+        )
+
+
+def test_reading_a_configuration_draws_no_random_numbers():
+    before = torch.get_rng_state()
+    resolve(None, None)
+    assert torch.equal(torch.get_rng_state(), before)
+
+
+def test_the_catalogue_describes_the_tasks_there_are():
+    assert TASK_DESCRIPTIONS.keys() == TASKS.keys()
 
 
 ON_POLICY = ("ppo", "a2c")

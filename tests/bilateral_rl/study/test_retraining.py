@@ -7,8 +7,8 @@ from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.trials import retraining_trials, training_trials
 from bilateral_rl.config.schema import SupervisedConfig
 from bilateral_rl.envs import Arm
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
-from bilateral_rl.envs.trials import TrialSettings
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION, RELEASED_LESIONS, find_lesion
 from bilateral_rl.study.retraining import TRAINED, Retraining
 from bilateral_rl.vocabulary import PENALTIES

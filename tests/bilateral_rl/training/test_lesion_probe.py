@@ -16,7 +16,7 @@ from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import ArmVecEnv
-from bilateral_rl.envs.trials import TrialSettings
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS
