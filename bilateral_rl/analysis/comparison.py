@@ -11,7 +11,7 @@ import pandas as pd
 
 from bilateral_rl.analysis.bootstrap import bootstrap_difference, bootstrap_mean, bootstrap_ratio
 from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g
-from bilateral_rl.analysis.results import by_seed
+from bilateral_rl.analysis.results import RETRAINING, State, by_seed
 from bilateral_rl.analysis.samples import Float, align, finite, join_notes
 from bilateral_rl.analysis.statistics import (
     OmnibusTest,
@@ -82,7 +82,7 @@ def compare(results: pd.DataFrame, metric: str, task: str, models: Sequence[str]
         models = list(dict.fromkeys(rows["model"]))
     if len(set(models)) < 2:
         raise UserError(f"A comparison of {metric} in {task} needs results of two models or more, got {len(models)}.")
-    samples = {model: values_by_seed(results, metric, task, model) for model in dict.fromkeys(models)}
+    samples = {model: by_seed(results, metric, State(task, model)) for model in dict.fromkeys(models)}
     for model, values in samples.items():
         _check_found(values, model, metric, task)
     arrays = [values.to_numpy(dtype=np.float64) for values in samples.values()]
@@ -90,7 +90,7 @@ def compare(results: pd.DataFrame, metric: str, task: str, models: Sequence[str]
     return ModelComparison(metric, task, _groups(samples), pairs, anova(arrays), welch_anova(arrays))
 
 
-def compare_lesions(results: pd.DataFrame, metric: str, task: str, model: str, retrained: bool = True) -> Comparison:
+def compare_lesions(results: pd.DataFrame, metric: str, intact: State) -> Comparison:
     """The intact network and its lesions, each against each, paired by seed.
 
     The columns of ``pairs``: ``n`` seeds that both have; the mean difference (first − second) with its interval
@@ -100,44 +100,28 @@ def compare_lesions(results: pd.DataFrame, metric: str, task: str, model: str, r
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
         metric: name of the metric.
-        task: id of the task.
-        model: label in the ``model`` column.
-        retrained: whether of the networks whose output layer was retrained, the intact one's too, so that a lesion is
-            all that sets them apart.
+        intact: the intact networks, retrained or not; their lesions are those that were treated alike, so that a
+            lesion is all that sets the states apart.
 
     Raises:
         UserError: no intact or no lesioned network in the table, or two values of one seed.
     """
     rows = results[
         (results["metric"] == metric)
-        & (results["task"] == task)
-        & (results["model"] == model)
-        & (results["retrained"] == retrained)
+        & (results["task"] == intact.task)
+        & (results["model"] == intact.model)
+        & (results["retrained"] == intact.retrained)
     ]
-    found = list(dict.fromkeys(rows["lesion"]))
-    if INTACT not in found or len(found) < 2:
-        state = "retrained" if retrained else "not retrained"
+    present = list(dict.fromkeys(rows["lesion"]))
+    if INTACT not in present or len(present) < 2:
         raise UserError(
-            f"A comparison of lesions needs {metric} in {task} of {model}, {state}, intact and with a lesion; "
-            f"there is {', '.join(found) or 'nothing'}: run `bilateral-rl lesion` first."
+            f"A comparison of lesions needs {metric} in {intact.task} of {intact.model}, "
+            f"{RETRAINING[intact.retrained]}, intact and with a lesion; there is {', '.join(present) or 'nothing'}: "
+            "run `bilateral-rl lesion` first."
         )
-    states = [INTACT, *(name for name in found if name != INTACT)]
-    samples = {state: values_by_seed(results, metric, task, model, state, retrained) for state in states}
-    return Comparison(metric, task, _groups(samples), _lesion_pairs(samples))
-
-
-def values_by_seed(
-    results: pd.DataFrame, metric: str, task: str, model: str, lesion: str = INTACT, retrained: bool = False
-) -> pd.Series:
-    """:func:`bilateral_rl.analysis.results.by_seed`, one value a seed. Raises UserError where there are several."""
-    values = by_seed(results, metric, task, model, lesion, retrained)
-    if values.index.has_duplicates:
-        seed = values.index[values.index.duplicated()][0]
-        raise UserError(
-            f"The results hold several values of {metric} in {task} for seed {seed} of {model} ({lesion}); compare one "
-            "algorithm and one run at a time, or give every run a label of its own."
-        )
-    return values
+    lesions = [INTACT, *(name for name in present if name != INTACT)]
+    samples = {lesion: by_seed(results, metric, intact.after(lesion)) for lesion in lesions}
+    return Comparison(metric, intact.task, _groups(samples), _lesion_pairs(samples))
 
 
 def _check_found(values: pd.Series, model: str, metric: str, task: str) -> None:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis import kinematics, smoothness
+from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.vocabulary import Side
 
 _REACH, _HOLD = (RandomReach.id,), (HoldPosition.id,)
 _BOTH = _REACH + _HOLD
@@ -31,82 +31,78 @@ class Metric:
     """One number that sums up the trials of one seed."""
 
     name: str
-    """In tables and commands."""
+    """What tables and commands call it."""
     label: str
-    """On axes and in reports, without the unit."""
+    """Words for axes and reports, without the unit."""
     unit: str
-    """Empty for a number without one."""
+    """Unit of the value; empty for a pure number."""
     tasks: tuple[str, ...]
     """Ids of the tasks in which it means something."""
     better: Literal["higher", "lower"] | None
-    """None where neither is."""
+    """Which values are better; None if neither."""
     definition: str
     """One sentence, with its source."""
     value: Callable[[TrialRecord], float]
-    """Of a seed, from all its trials; nan where none has one."""
+    """Computes the value of a seed from all its trials; NaN where no trial has one."""
 
 
-def metrics_of(task: str, thresholds: Sequence[float]) -> list[Metric]:
-    """All metrics that mean something in ``task``, those of a goal at each of its radii ``thresholds`` (m).
+def metrics_of(task: str, radii: Sequence[float]) -> list[Metric]:
+    """Return all metrics that mean something in ``task``, each once.
 
-    Raises UserError for a task that there is not.
+    Args:
+        task: id of the task.
+        radii: goal radii (m) at which the metrics of a goal are wanted.
+
+    Raises:
+        UserError: the task does not exist.
     """
     check_choice("task", task, TASKS)
-    of_goals = [metric.at(radius) for metric in _OF_GOALS.values() for radius in dict.fromkeys(thresholds)]
-    return [metric for metric in (*of_goals, *_OF_TRIALS.values()) if task in metric.tasks]
+    at_radii = [metric.at(radius) for metric in _GOAL_METRICS.values() for radius in radii]
+    by_name = {metric.name: metric for metric in (*at_radii, *_TRIAL_METRICS.values())}
+    return [metric for metric in by_name.values() if task in metric.tasks]
 
 
 def find_metric(name: str) -> Metric:
-    """The metric called ``name``. Raises UserError naming those there are."""
-    if name in _OF_TRIALS:
-        return _OF_TRIALS[name]
-    of_goal = re.fullmatch(r"(\w+)_(\d+(?:\.\d+)?)cm", name)
-    if of_goal and of_goal[1] in _OF_GOALS and float(of_goal[2]) > 0:
-        return _OF_GOALS[of_goal[1]].at(float(of_goal[2]) / 100)
-    with_radius = ", ".join(f"{start}_<radius>cm" for start in _OF_GOALS)
+    """Return the metric called ``name``.
+
+    Raises:
+        UserError: there is no such metric; the message names those there are.
+    """
+    if name in _TRIAL_METRICS:
+        return _TRIAL_METRICS[name]
+    goal = re.fullmatch(r"(\w+)_(\d{1,99}(?:\.\d{1,99})?)cm", name)
+    if goal and goal[1] in _GOAL_METRICS and from_centimeters(goal[2]) > 0:
+        return _GOAL_METRICS[goal[1]].at(from_centimeters(goal[2]))
+    with_radius = ", ".join(f"{start}_<radius>cm" for start in _GOAL_METRICS)
     raise UserError(
-        f"Unknown metric {name!r}; choose from {', '.join(_OF_TRIALS)}, or with the goal's radius, as in "
+        f"Unknown metric {name!r}; choose from {', '.join(_TRIAL_METRICS)}, or with the goal's radius, as in "
         f"goal_completion_5cm, from {with_radius}."
     )
 
 
-def preferred_metric(task: str, threshold: float) -> str:
-    """The name of what the paper judges ``task`` by (section 7), at a goal of radius ``threshold`` (m).
+def metric_name(start: str, radius: float) -> str:
+    """Return the name of a metric at a goal of ``radius`` (m), as ``time_in_goal_4.5cm``; without a goal, ``start``.
 
-    Completed reaches, or the time in the goal in a hold. Raises UserError for a task that there is not.
+    :func:`find_metric` finds the metric of every name, of whatever radius.
+    """
+    return f"{start}_{in_centimeters(radius)}cm" if start in _GOAL_METRICS else start
+
+
+def preferred_metric(task: str, radius: float) -> str:
+    """Return the name of what the paper judges ``task`` by (section 7), at a goal of ``radius`` (m).
+
+    That is the share of completed reaches, or the time in the goal in a hold.
+
+    Raises:
+        UserError: the task does not exist.
     """
     check_choice("task", task, TASKS)
-    start = {RandomReach.id: "goal_completion", HoldPosition.id: "time_in_goal"}[task]
-    return f"{start}_{threshold_name(threshold)}"
-
-
-def threshold_name(radius: float) -> str:
-    """A goal's radius (m) as metrics spell it: ``5cm``, ``4.5cm``."""
-    return f"{100 * radius:.6g}cm"
+    return metric_name({RandomReach.id: "goal_completion", HoldPosition.id: "time_in_goal"}[task], radius)
 
 
 def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
-    """The value of each of ``metrics`` over all trials of ``record``, by name."""
+    """Return the value of each of ``metrics`` over all trials of ``record``, by name."""
     return {metric.name: metric.value(record) for metric in metrics}
-
-
-ALONE: dict[Side, str] = {"dominant": "deep_non_dominant", "non_dominant": "deep_dominant"}
-"""The lesion that leaves one side to work alone (paper section 6)."""
-
-
-def specialization_index(dominant: ArrayLike, non_dominant: ArrayLike) -> NDArray[np.float64]:
-    """(d − n) / (d + n): 1 where only the dominant side can do the task, −1 where only the non-dominant one can.
-
-    The laterality index (Leask & Crow 1997, doi:10.1016/s0028-3932(97)00059-6) of performance. nan where both are 0 or
-    one is nan.
-
-    Args:
-        dominant: :func:`preferred_metric` with the non-dominant side lesioned, so that the dominant one works; at
-            least 0, one number or one for each seed.
-        non_dominant: the same with the dominant side lesioned, seeds in the same order.
-    """
-    d, n = np.asarray(dominant, dtype=np.float64), np.asarray(non_dominant, dtype=np.float64)
-    return np.asarray((d - n) / np.where(d + n > 0, d + n, np.nan))
 
 
 def _mean(values: ArrayLike, scale: float = 1.0) -> float:
@@ -128,18 +124,20 @@ class _GoalMetric:
     definition: str
 
     def at(self, radius: float) -> Metric:
-        """The metric at a goal of ``radius`` (m)."""
+        """Return the metric at a goal of ``radius`` (m), as exact as its name says it."""
+        centimeters = in_centimeters(radius)
+        named_radius = from_centimeters(centimeters)
 
         def value(record: TrialRecord) -> float:
-            measures = trial_measures(record.distance, record.start_distance, radius)
+            measures = trial_measures(record.distance, record.start_distance, named_radius)
             return _mean(getattr(measures, self.field), self.scale)
 
-        name, label = f"{self.field}_{threshold_name(radius)}", f"{self.label} {100 * radius:.6g} cm"
+        name, label = f"{self.field}_{centimeters}cm", f"{self.label} {centimeters} cm"
         return Metric(name, label, self.unit, self.tasks, "higher", self.definition, value)
 
 
 # fmt: off
-_OF_GOALS: dict[str, _GoalMetric] = {metric.field: metric for metric in (
+_GOAL_METRICS: dict[str, _GoalMetric] = {metric.field: metric for metric in (
     _GoalMetric("goal_completion", "Goal completion within", "%", 100, _REACH,
                 "Share of trials whose hand comes within the goal's radius of the target and stays for three "
                 "consecutive steps (paper section 3)."),
@@ -150,7 +148,7 @@ _OF_GOALS: dict[str, _GoalMetric] = {metric.field: metric for metric in (
                 "Steps after which the hand is within the goal's radius of the target (paper section 3)."),
 )}
 # fmt: on
-"""By the start of their names."""
+"""Metrics of a goal, by the start of their names."""
 
 
 def _speed(record: TrialRecord) -> NDArray[np.float64]:
@@ -158,7 +156,7 @@ def _speed(record: TrialRecord) -> NDArray[np.float64]:
 
 
 # fmt: off
-_OF_TRIALS: dict[str, Metric] = {metric.name: metric for metric in (
+_TRIAL_METRICS: dict[str, Metric] = {metric.name: metric for metric in (
     Metric("final_error", "Final error", "cm", _BOTH, "lower",
            "Distance from hand to target after the last step (paper section 3).",
            lambda record: _mean(record.distance[:, -1], 100)),

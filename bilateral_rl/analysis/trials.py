@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.measures import trial_measures
@@ -19,9 +20,6 @@ from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy
-
-REPORTED_THRESHOLDS = (0.02, 0.03, 0.05)
-"""Goal radii that every report gives (m; paper section 3)."""
 
 Float = NDArray[np.float32]
 
@@ -57,9 +55,9 @@ class TrialRecord:
     arm: ArmParameters
     """The arm that moved; ``arm.timestep`` is the length of a step (s)."""
 
-    def summary(self, threshold: float) -> dict[str, float]:
-        """Means over the trials, in the units that people read: percent, cm, steps."""
-        measures = trial_measures(self.distance, self.start_distance, threshold)
+    def summary(self, radius: float) -> dict[str, float]:
+        """Return means over the trials at a goal of ``radius`` (m), in people's units: percent, cm, steps."""
+        measures = trial_measures(self.distance, self.start_distance, radius)
         reached = measures.speed_to_goal[measures.goal_completion]
         dominant, non_dominant = self.vector_return.mean(axis=0)
         return {
@@ -71,12 +69,12 @@ class TrialRecord:
             "return_non_dominant": float(non_dominant),
         }
 
-    def table(self, threshold: float) -> pd.DataFrame:
-        """One row a trial, SI units."""
-        measures = trial_measures(self.distance, self.start_distance, threshold)
+    def table(self, radius: float) -> pd.DataFrame:
+        """Return a table with a row a trial, at a goal of ``radius`` (m), in SI units."""
+        measures = trial_measures(self.distance, self.start_distance, radius)
         columns: dict[str, Any] = {
             "trial": np.arange(len(self.target)),
-            "threshold_m": threshold,
+            "threshold_m": radius,
             "goal_completion": measures.goal_completion,
             "speed_to_goal_m_per_step": measures.speed_to_goal,
             "time_in_goal_steps": measures.time_in_goal,
@@ -155,6 +153,6 @@ def _action(policy: MotorPolicy, observation: Float, deterministic: bool) -> Flo
     return action
 
 
-def summaries(record: TrialRecord, threshold: float) -> dict[float, dict[str, float]]:
-    """:meth:`TrialRecord.summary` at each reported threshold and at ``threshold``, by threshold (m)."""
-    return {radius: record.summary(radius) for radius in sorted({*REPORTED_THRESHOLDS, threshold})}
+def summaries(record: TrialRecord, own_radius: float) -> dict[float, dict[str, float]]:
+    """Return :meth:`TrialRecord.summary` by goal radius (m): at each reported one, and at the run's own."""
+    return {radius: record.summary(radius) for radius in distinct_radii([*REPORTED_RADII, own_radius])}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pandas as pd
 
@@ -22,24 +22,21 @@ class OnModels:
     components: Callable[[Evidence], list[Component]]
 
     def evaluate(self, number: str, evidence: Evidence) -> Claim:
-        """The claim with its verdict."""
+        """Return the claim with its verdict."""
         return Claim(number, self.statement, tuple(self.components(evidence)))
 
 
 @dataclass(frozen=True)
-class OnLesions:
+class OnLesions(OnModels):
     """How a claim on lesioned models is computed: retrained for an epoch, and beside it without."""
 
-    statement: str
-    components: Callable[[Evidence, bool], list[Component]]
-
     def evaluate(self, number: str, evidence: Evidence) -> Claim:
-        """The claim with its verdict."""
-        with_epoch, without = (tuple(self.components(evidence, retrained)) for retrained in (True, False))
-        return Claim(number, self.statement, with_epoch, without)
+        """Return the claim with its verdict."""
+        without = tuple(self.components(evidence.without_retraining()))
+        return replace(super().evaluate(number, evidence), without_retraining=without)
 
 
-CLAIMS: dict[str, OnModels | OnLesions] = {
+CLAIMS: dict[str, OnModels] = {
     "C1": OnModels("Reach: goal completion is 96.7 % of Uni-DL, 94.6 % of Uni-NDL.", unilateral.completion_of_reaches),
     "C2": OnModels("Reach: speed to goal of Uni-DL is about 17 % better than Uni-NDL's.", unilateral.speed_of_reaches),
     "C3": OnModels("Hold: Uni-NDL stays in the goal about 50 % longer than Uni-DL.", unilateral.time_of_holding),

@@ -17,7 +17,8 @@ from bilateral_rl.config.catalogue import MODELS
 SPECIALIZED = (("bi_s", "bi_ns"), ("cc_s", "cc_ns"))
 """Each specialized model with two hemispheres, and the same network not specialized."""
 
-CALLOSAL = ("cc_ns", "cc_s")
+CALLOSAL = ("cc_s", "cc_ns")
+"""The models with a callosum."""
 
 
 def every_model_completes(evidence: Evidence) -> list[Component]:
@@ -76,7 +77,7 @@ def best_has_a_callosum(evidence: Evidence) -> list[Component]:
     """C14."""
     components = []
     for measure in (evidence.speed, evidence.hold):
-        callosal = [evidence.intact(measure, model) for model in CALLOSAL]
+        callosal = [evidence.intact(measure, model) for model in MODELS if model in CALLOSAL]
         others = [evidence.intact(measure, model) for model in MODELS if model not in CALLOSAL]
         best, rival = _best(callosal), _best(others)
         if best is None or rival is None:

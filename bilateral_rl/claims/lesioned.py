@@ -13,43 +13,43 @@ from itertools import product
 from bilateral_rl.analysis.samples import align, finite_pairs, join_notes
 from bilateral_rl.claims.claim import Component
 from bilateral_rl.claims.components import Contrast, difference_within, holm_family, ratio_within
-from bilateral_rl.claims.evidence import OTHER, Evidence, Measure, Sample
+from bilateral_rl.claims.evidence import Evidence, Measure, Sample
+from bilateral_rl.claims.intact import CALLOSAL
 from bilateral_rl.claims.margins import DROPPED, LITTLE, RECOVERED
 from bilateral_rl.vocabulary import SIDES, Side
 
-CALLOSAL = ("cc_s", "cc_ns")
 
-
-def specialization_without_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
+def specialization_without_callosum(evidence: Evidence) -> list[Component]:
     """C4."""
-    contrasts = _hemispheres(evidence, "bi_s", retrained)
-    for measure, preferred in _preferred_sides(evidence):
-        best = evidence.hemisphere(measure, "bi_s", preferred, retrained)
-        worst = evidence.hemisphere(measure, "bi_s", OTHER[preferred], retrained)
-        others = [evidence.hemisphere(measure, "bi_ns", side, retrained) for side in SIDES]
-        contrasts += [Contrast(best, other) for other in others] + [Contrast(other, worst) for other in others]
+    contrasts = _hemispheres(evidence, "bi_s")
+    for measure, preferred, other in _preferred_sides(evidence):
+        best = evidence.hemisphere(measure, "bi_s", preferred)
+        worst = evidence.hemisphere(measure, "bi_s", other)
+        unspecialized = [evidence.hemisphere(measure, "bi_ns", side) for side in SIDES]
+        contrasts += [Contrast(best, sample) for sample in unspecialized]
+        contrasts += [Contrast(sample, worst) for sample in unspecialized]
     return holm_family(contrasts)
 
 
-def equal_hemispheres(evidence: Evidence, retrained: bool) -> list[Component]:
+def equal_hemispheres(evidence: Evidence) -> list[Component]:
     """C5: the mean over the seeds, so that sides may differ in single networks, but neither is the better one."""
     components = []
     for measure in (evidence.completion, evidence.hold):
-        dominant, non_dominant = (evidence.hemisphere(measure, "bi_ns", side, retrained) for side in SIDES)
+        dominant, non_dominant = (evidence.hemisphere(measure, "bi_ns", side) for side in SIDES)
         component = difference_within(dominant, non_dominant, LITTLE)
         note = join_notes(component.note, _apart(dominant, non_dominant))
         components.append(replace(component, note=note))
     return components
 
 
-def shallow_worse_than_deep(evidence: Evidence, retrained: bool) -> list[Component]:
+def shallow_worse_than_deep(evidence: Evidence) -> list[Component]:
     """C6."""
     measures = (evidence.completion, evidence.hold)
     return holm_family(
         [
             Contrast(
-                evidence.lesioned(measure, model, f"deep_{side}", retrained),
-                evidence.lesioned(measure, model, f"shallow_{side}", retrained),
+                evidence.lesioned(measure, model, f"deep_{side}"),
+                evidence.lesioned(measure, model, f"shallow_{side}"),
                 paired=True,
             )
             for measure, model, side in product(measures, CALLOSAL, SIDES)
@@ -57,19 +57,19 @@ def shallow_worse_than_deep(evidence: Evidence, retrained: bool) -> list[Compone
     )
 
 
-def specialization_with_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
+def specialization_with_callosum(evidence: Evidence) -> list[Component]:
     """C7."""
-    return holm_family(_hemispheres(evidence, "cc_s", retrained))
+    return holm_family(_hemispheres(evidence, "cc_s"))
 
 
-def lesion_of_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
+def lesion_of_callosum(evidence: Evidence) -> list[Component]:
     """C8, of both callosal models; the intact network is the one before the lesion, never retrained."""
     components = []
     for model in CALLOSAL:
         reach, hold = (evidence.intact(measure, model) for measure in (evidence.completion, evidence.hold))
-        cut_reach = evidence.lesioned(evidence.completion, model, "callosum", retrained)
-        cut_hold = evidence.lesioned(evidence.hold, model, "callosum", retrained)
-        shallow = evidence.lesioned(evidence.hold, model, "shallow_dominant", retrained)
+        cut_reach = evidence.lesioned(evidence.completion, model, "callosum")
+        cut_hold = evidence.lesioned(evidence.hold, model, "callosum")
+        shallow = evidence.lesioned(evidence.hold, model, "shallow_dominant")
         components += [
             ratio_within(cut_reach, reach, RECOVERED, paired=True),
             ratio_within(cut_hold, hold, -float("inf"), DROPPED, paired=True),
@@ -78,19 +78,20 @@ def lesion_of_callosum(evidence: Evidence, retrained: bool) -> list[Component]:
     return components
 
 
-def _preferred_sides(evidence: Evidence) -> tuple[tuple[Measure, Side], ...]:
-    return (evidence.completion, "dominant"), (evidence.hold, "non_dominant")
+def _preferred_sides(evidence: Evidence) -> tuple[tuple[Measure, Side, Side], ...]:
+    """Return each task's measure, the side that the paper expects to be better at it, and the other one."""
+    return (evidence.completion, "dominant", "non_dominant"), (evidence.hold, "non_dominant", "dominant")
 
 
-def _hemispheres(evidence: Evidence, model: str, retrained: bool) -> list[Contrast]:
-    """The preferred side of each task against the other."""
+def _hemispheres(evidence: Evidence, model: str) -> list[Contrast]:
+    """Contrast the preferred side of each task with the other."""
     return [
         Contrast(
-            evidence.hemisphere(measure, model, preferred, retrained),
-            evidence.hemisphere(measure, model, OTHER[preferred], retrained),
+            evidence.hemisphere(measure, model, preferred),
+            evidence.hemisphere(measure, model, other),
             paired=True,
         )
-        for measure, preferred in _preferred_sides(evidence)
+        for measure, preferred, other in _preferred_sides(evidence)
     ]
 
 

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
-from bilateral_rl.analysis.results import COLUMNS, read_results
+from bilateral_rl.analysis.results import COLUMNS, RETRAINING, State, read_results
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
@@ -142,9 +142,10 @@ def _compare_lesions(one: _Chosen, metrics: Sequence[Metric], csv: Path | None, 
     for metric in metrics:
         if metric.name not in there:
             raise UserError(f"{path} has no {metric.name}; choose a --metric from {', '.join(there)}.")
-        for retrained, words in ((False, "without retraining"), (True, "retrained")):
+        for retrained, words in RETRAINING.items():
             if (results["retrained"] == retrained).any():
-                comparison = compare_lesions(results, metric.name, one.config.task, one.config.model, retrained)
+                state = State(one.config.task, one.config.model, retrained=retrained)
+                comparison = compare_lesions(results, metric.name, state)
                 print_comparison(comparison, f"{one.config.model}, {words}", console)
                 tables.append(comparison.pairs.assign(metric=metric.name, retrained=retrained))
     print_methods(comparison, console)

@@ -19,8 +19,9 @@ from rich.table import Table
 from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.metrics import ALONE, Metric, find_metric, preferred_metric, specialization_index
-from bilateral_rl.analysis.results import by_seed
+from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
+from bilateral_rl.analysis.results import RETRAINING, State, by_seed
+from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.config.parse import plain
 from bilateral_rl.config.schema import TrainConfig
@@ -35,7 +36,6 @@ from bilateral_rl.runs.policies import parse_run
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 
 RESULTS, SETTINGS = "lesions.csv", "settings.json"
-_CONDITIONS = {False: "without retraining", True: "retrained"}
 _SHOWN = ("final_error",)
 """Metrics on the screen, beside the task's preferred one."""
 
@@ -133,14 +133,15 @@ def _metrics(config: TrainConfig) -> list[Metric]:
 def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
     """Mean ± standard deviation over the seeds, a row a state, below each metric."""
     table = Table("lesion")
-    for retrained in _conditions(study):
-        table.add_column(_CONDITIONS[retrained], justify="right")
+    for retrained in _treatments(study):
+        table.add_column(RETRAINING[retrained], justify="right")
     for metric in _metrics(study.config):
         table.add_section()
         table.add_row(f"[bold]{with_unit(metric)}")
         for name in study.names:
-            values = [_values(results, study, metric, name, retrained) for retrained in _conditions(study)]
-            table.add_row(lesion_words(name), *(mean_sd(one, 1) for one in values))
+            states = [State(study.config.task, study.config.model, name, again) for again in _treatments(study)]
+            values = [mean_sd(by_seed(results, metric.name, state), 1) for state in states]
+            table.add_row(lesion_words(name), *values)
     if (seeds := results["seed"].nunique()) > 1:
         table.caption = f"mean ± standard deviation over {seeds} seeds"
     return table
@@ -151,19 +152,15 @@ def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
     if not set(ALONE.values()) <= set(study.names):
         return ""
     metric, parts = _metrics(study.config)[0], []
-    for retrained in _conditions(study):
-        alone = [_values(results, study, metric, lesion, retrained) for lesion in ALONE.values()]
-        index = specialization_index(*alone)
-        parts.append(f"{mean_sd(index, 3, '+')} {_CONDITIONS[retrained]}")
+    for retrained in _treatments(study):
+        state = State(study.config.task, study.config.model, retrained=retrained)
+        index = specialization_by_seed(results, metric.name, state)
+        parts.append(f"{mean_sd(index, 3, '+')} {RETRAINING[retrained]}")
     return f"Specialization index: {', '.join(parts)} (above 0: the dominant side does more alone)."
 
 
-def _conditions(study: LesionStudy) -> tuple[bool, ...]:
+def _treatments(study: LesionStudy) -> tuple[bool, ...]:
     return (False, True) if study.settings.retrain else (False,)
-
-
-def _values(results: pd.DataFrame, study: LesionStudy, metric: Metric, lesion: str, retrained: bool) -> pd.Series:
-    return by_seed(results, metric.name, study.config.task, study.config.model, lesion, retrained)
 
 
 def _write(results: pd.DataFrame, config: TrainConfig, place: Path, asked: Mapping[str, Any]) -> None:

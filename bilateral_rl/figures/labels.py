@@ -56,3 +56,8 @@ def task_label(name: str) -> str:
 def lesion_label(name: str) -> str:
     """A lesion in words, in short lines."""
     return textwrap.fill(lesion_words(name), _LESION_CHARACTERS, break_long_words=False)
+
+
+def retraining_label(retrained: bool) -> str:
+    """Whether networks were retrained after their lesion, in words."""
+    return "after one epoch of retraining" if retrained else "without retraining"

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.analysis.results import by_seed
+from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.figures.labels import MetricLike, axis_label, model_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import dress, in_order, model_style, new_figure, set_note, set_title
@@ -40,7 +40,7 @@ def model_comparison(results: pd.DataFrame, task: str, metrics: Sequence[MetricL
 def _panel(axes: Axes, rows: pd.DataFrame, task: str, metric: MetricLike) -> list[Interval]:
     means = []
     for x, name in enumerate(in_order(rows["model"])):
-        values = by_seed(rows, metric.name, task, name)
+        values = by_seed(rows, metric.name, State(task, name))
         means.append(draw_seeds(axes, x, values, model_style(name), width=0.5))
     dress(axes, y_label=axis_label(metric))
     axes.set_xlim(-0.6, len(means) - 0.4)

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bilateral_rl.analysis.metrics import ALONE, specialization_index
-from bilateral_rl.analysis.results import by_seed
-from bilateral_rl.analysis.samples import Float, align
-from bilateral_rl.figures.labels import MetricLike, model_label, task_label
+from bilateral_rl.analysis.results import State
+from bilateral_rl.analysis.specialization import specialization_by_seed
+from bilateral_rl.figures.labels import MetricLike, model_label, retraining_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import (
     INK,
@@ -32,7 +31,7 @@ def specialization(
 ) -> Figure:
     """How much better the dominant hemisphere of each model works alone than the other one, the tasks side by side.
 
-    The index is that of :func:`bilateral_rl.analysis.metrics.specialization_index`.
+    The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`.
 
     Args:
         results: table of :mod:`bilateral_rl.analysis.results`.
@@ -45,7 +44,7 @@ def specialization(
     order, means = in_order(models), []
     for (task, metric), mark, shift in zip(metrics.items(), _TASK_MARKERS, _shifts(len(metrics)), strict=False):
         for x, model in enumerate(order):
-            index = _index(results, task, metric, model, retrained)
+            index = specialization_by_seed(results, metric.name, State(task, model, retrained=retrained))
             style, width = model_style(model)._replace(marker=mark[0]), 0.5 / len(metrics)
             means.append(draw_seeds(axes, x + shift, index, style, width=width, filled=mark[1]))
     axes.axhline(0, color=INK, linewidth=0.8)
@@ -54,17 +53,10 @@ def specialization(
     axes.set_xlim(-0.6, len(order) - 0.4)
     words = [f"{task_label(task)}: {metric.label}" for task, metric in metrics.items()]
     handles = [marker_handle(*mark) for mark in _TASK_MARKERS[: len(words)]]
-    after = "after one epoch of retraining" if retrained else "without retraining"
-    set_title_and_legend(figure, f"Specialization of the hemispheres, {after}", handles, words)
+    set_title_and_legend(figure, f"Specialization of the hemispheres, {retraining_label(retrained)}", handles, words)
     meaning = "(d − n) / (d + n); d, n: value with only the dominant, only the non-dominant hemisphere."
     set_note(figure, f"{meaning}\n{marks_in_words(means)}")
     return figure
-
-
-def _index(results: pd.DataFrame, task: str, metric: MetricLike, model: str, retrained: bool) -> Float:
-    """(n,), one a seed that has both lesions."""
-    alone = [by_seed(results, metric.name, task, model, lesion, retrained) for lesion in ALONE.values()]
-    return specialization_index(*align(*alone))
 
 
 def _shifts(n: int) -> list[float]:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from bilateral_rl.analysis.metrics import ALONE, specialization_index
+from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.figures.curves import PREFERRED, PROGRESS, carried_forward, interval_over_seeds
 from bilateral_rl.figures.hemispheres import DOMINANT_STYLE, NON_DOMINANT_STYLE
 from bilateral_rl.figures.labels import axis_label, model_label, task_label
@@ -36,7 +36,7 @@ _PROGRESS = "timesteps"
 def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     """What each hemisphere does alone as its network learns, and the specialization index, a column a model.
 
-    The index is that of :func:`bilateral_rl.analysis.metrics.specialization_index`. Means over the seeds, as in
+    The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`. Means over the seeds, as in
     :func:`~bilateral_rl.figures.curves.learning_curves`.
 
     Args:

@@ -9,12 +9,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.comparison import compare
-from bilateral_rl.analysis.metrics import find_metric, preferred_metric, threshold_name
+from bilateral_rl.analysis.metrics import find_metric, metric_name, preferred_metric
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves
 from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
-from bilateral_rl.figures.labels import model_label, task_label
+from bilateral_rl.figures.labels import model_label, retraining_label, task_label
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.models import model_comparison
 from bilateral_rl.figures.posthoc import posthoc_matrix
@@ -34,7 +34,8 @@ _COMPARED = {
     "random_reach": ("goal_completion", "speed_to_goal", "effort", "sparc"),
     "hold_position": ("time_in_goal", "hold_speed", "effort"),
 }
-_WITH_RADIUS = ("goal_completion", "speed_to_goal", "time_in_goal")
+_TESTED = ("goal_completion", "speed_to_goal", "time_in_goal")
+"""Metrics of which every pair of models is tested."""
 _MUSCLES_OF = ("uni_dl", "uni_ndl", "cc_s")
 
 
@@ -69,8 +70,7 @@ def draw_study(
 
 def compared_metrics(task: str, radius: float) -> list[str]:
     """Names of the metrics by which a task's models are compared; the preferred one comes first."""
-    suffix = f"_{threshold_name(radius)}"
-    return [name + suffix * (name in _WITH_RADIUS) for name in _COMPARED[task]]
+    return [metric_name(name, radius) for name in _COMPARED[task]]
 
 
 def _of_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Drawing]:
@@ -79,7 +79,7 @@ def _of_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Draw
         return
     figure = model_comparison(results, task, [find_metric(name) for name in names])
     yield Drawing(f"models_{task}", f"{task_label(task)}: the intact models; a dot a seed.", figure)
-    for name in [n for n in names if n.startswith(_WITH_RADIUS)]:
+    for name in [name for name in names if name.startswith(_TESTED)]:
         comparison = compare(results, name, task)
         for test, column in (("Games–Howell", "p_games_howell"), ("Tukey's HSD", "p_tukey")):
             title = f"{task_label(task)}: {find_metric(name).label}, {test}"
@@ -98,7 +98,8 @@ def _of_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[D
         if task in set(results["task"]):
             caption = f"{task_label(task)}: {metric.label} after each lesion, without and with an epoch of retraining."
             yield Drawing(f"lesions_{task}", caption, lesion_effects(results, task, metric, models))
-    for retrained, words in ((True, "after an epoch of retraining"), (False, "without retraining")):
+    for retrained in (True, False):
+        words = retraining_label(retrained)
         caption = f"Specialization index of the hemispheres, {words}: above 0 the dominant one does more alone."
         figure = specialization(results, metrics, models, retrained)
         yield Drawing(f"specialization_{'retrained' if retrained else 'untrained'}", caption, figure)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from bilateral_rl.analysis.goals import STUDY_RADII, distinct_radii
 from bilateral_rl.analysis.metrics import Metric, measure, metrics_of
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
@@ -21,9 +22,6 @@ from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.study.retraining import Retraining
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, TEST_SEED, TEST_TRIALS
-
-THRESHOLDS = (0.01, 0.02, 0.03, 0.05)
-"""Goal radii that studies report (m)."""
 
 OnState = Callable[[int, int, str], None]
 """Told how many states of how many are done, and which one comes next."""
@@ -142,7 +140,7 @@ class LesionStudy:
 
 def measured_metrics(config: TrainConfig) -> list[Metric]:
     """What the results of a run hold: at the radii of every study and at the run's own."""
-    return metrics_of(config.task, sorted({*THRESHOLDS, config.trial.threshold}))
+    return metrics_of(config.task, distinct_radii([*STUDY_RADII, config.trial.threshold]))
 
 
 def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]:

@@ -6,19 +6,19 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
-from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by_seed
+from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.formats import f_statistic, fixed, mean_sd, number, p_value
+from bilateral_rl.analysis.goals import STUDY_RADII
 from bilateral_rl.analysis.intervals import mean_interval
-from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric, specialization_index
-from bilateral_rl.analysis.results import by_seed
+from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric
+from bilateral_rl.analysis.results import RETRAINING, State, by_seed
+from bilateral_rl.analysis.specialization import specialization_by_seed
 from bilateral_rl.analysis.statistics import OmnibusTest, anova, welch_anova
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.labels import model_label, task_label, with_unit
 from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
-from bilateral_rl.study.lesioning import THRESHOLDS
 
 _SPREAD_NOTE = "Mean ± standard deviation over the seeds."
 _PAIRS_NOTE = (
@@ -73,9 +73,9 @@ def _models(results: pd.DataFrame, task: str) -> list[str]:
 
 def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
     there = set(results["metric"])
-    metrics = [metric for metric in metrics_of(task, THRESHOLDS) if metric.name in there]
+    metrics = [metric for metric in metrics_of(task, STUDY_RADII) if metric.name in there]
     rows = [
-        [with_unit(metric), *(mean_sd(by_seed(results, metric.name, task, model)) for model in models)]
+        [with_unit(metric), *(mean_sd(by_seed(results, metric.name, State(task, model))) for model in models)]
         for metric in metrics
     ]
     columns = ["", *(model_label(model) for model in models)]
@@ -85,9 +85,9 @@ def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTab
 def _of_tests(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
     there = set(results["metric"])
     rows = []
-    for metric in metrics_of(task, THRESHOLDS):
+    for metric in metrics_of(task, STUDY_RADII):
         if metric.name in there:
-            groups = [values_by_seed(results, metric.name, task, model) for model in models]
+            groups = [by_seed(results, metric.name, State(task, model)) for model in models]
             rows.append([with_unit(metric), *_omnibus(anova(groups)), *_omnibus(welch_anova(groups))])
     columns = ["", "one-way ANOVA", "p", "Welch's ANOVA", "p"]
     return ReportTable(f"tests_{task}", f"{task_label(task)}: do the models differ at all?", columns, rows)
@@ -122,11 +122,12 @@ def _of_lesions(results: pd.DataFrame, task: str, metric: Metric, models: list[s
     for model in models:
         columns += [model_label(model), "retrained", "p"]
         p_values[model] = _against_intact(results, metric, task, model)
-    for state in (INTACT, *LESIONS):
-        row = [lesion_words(state)]
+    for lesion in (INTACT, *LESIONS):
+        row = [lesion_words(lesion)]
         for model in models:
-            row += [mean_sd(by_seed(results, metric.name, task, model, state, again)) for again in (False, True)]
-            row.append(p_value(p_values[model].get(state, math.nan)))
+            states = [State(task, model, lesion, retrained) for retrained in RETRAINING]
+            row += [mean_sd(by_seed(results, metric.name, state)) for state in states]
+            row.append(p_value(p_values[model].get(lesion, math.nan)))
         rows.append(row)
     note = f"{_SPREAD_NOTE} p: against the intact network, both retrained, paired t test, Holm over all pairs."
     return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {with_unit(metric)}", columns, rows, note)
@@ -136,7 +137,7 @@ def _against_intact(results: pd.DataFrame, metric: Metric, task: str, model: str
     rows = results[(results["model"] == model) & (results["task"] == task) & results["retrained"].astype(bool)]
     if INTACT not in set(rows["lesion"]) or rows["lesion"].nunique() < 2:
         return {}
-    pairs = compare_lesions(results, metric.name, task, model).pairs
+    pairs = compare_lesions(results, metric.name, State(task, model, retrained=True)).pairs
     pairs = pairs[pairs["first"] == INTACT]
     return dict(zip(pairs["second"], pairs["p_holm"], strict=True))
 
@@ -145,15 +146,11 @@ def _of_specialization(results: pd.DataFrame, task: str, metric: Metric, models:
     rows = []
     for model in models:
         row = [model_label(model)]
-        for retrained in (False, True):
-            sides = [
-                by_seed(results, metric.name, task, model, f"deep_{lesioned}", retrained)
-                for lesioned in ("non_dominant", "dominant")
-            ]
-            dominant, non_dominant = pd.concat(sides, axis=1, join="inner").to_numpy(dtype=np.float64).T
-            interval = mean_interval(specialization_index(dominant, non_dominant))
+        for retrained in RETRAINING:
+            state = State(task, model, retrained=retrained)
+            interval = mean_interval(specialization_by_seed(results, metric.name, state))
             row.append(f"{fixed(interval.value, 3, '+')} ({number(interval.low)} to {number(interval.high)})")
         rows.append(row)
     title = f"{task_label(task)}: specialization index, {with_unit(metric)}"
-    columns = ["", "without retraining", "retrained"]
+    columns = ["", *RETRAINING.values()]
     return ReportTable(f"specialization_{task}", title, columns, rows, _INDEX_NOTE)

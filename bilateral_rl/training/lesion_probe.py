@@ -10,7 +10,8 @@ import pandas as pd
 from stable_baselines3.common.logger import Figure as LoggedFigure
 from stable_baselines3.common.logger import TensorBoardOutputFormat
 
-from bilateral_rl.analysis.metrics import ALONE, find_metric, preferred_metric, specialization_index
+from bilateral_rl.analysis.metrics import find_metric, preferred_metric
+from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
@@ -43,8 +44,8 @@ class LesionProbe(BetweenIterations):
     The deterministic policy does the same trials in each state. Lesions leave the weights as they are, and no random
     stream of the training is touched: it goes as it would without. Every measure is logged as
     ``lesions_<measure>/<state>``, and the specialization index
-    (:func:`~bilateral_rl.analysis.metrics.specialization_index`) as ``specialization/<metric>``; tensorboard's custom
-    scalars show the states of a measure in one chart.
+    (:func:`~bilateral_rl.analysis.specialization.specialization_index`) as ``specialization/<metric>``; tensorboard's
+    custom scalars show the states of a measure in one chart.
 
     Args:
         task: which task.

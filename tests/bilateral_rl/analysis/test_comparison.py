@@ -5,17 +5,18 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from bilateral_rl.analysis.comparison import compare, compare_lesions, values_by_seed
-from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.analysis.comparison import compare, compare_lesions
+from bilateral_rl.analysis.results import COLUMNS, State
 from bilateral_rl.io.errors import UserError
 
 METRIC, TASK = "time_in_goal_5cm", "hold_position"
+RETRAINED = State(TASK, "cc_s", retrained=True)
 MODELS = {
     "uni_b": [20.1, 22.0, 19.5, 21.2, 20.4, 23.0],
     "bi_s": [25.0, 24.1, 26.3, 25.5, 23.9, 24.8],
     "cc_s": [30.2, 35.1, 28.7, 33.3, 31.9, 29.4],
 }
-STATES = {
+LESIONS = {
     "shallow_dominant": [10.1, 12.0, 11.2, 9.9, 12.4, 10.7],
     "intact": [30.2, 35.1, 28.7, 33.3, 31.9, 29.4],
     "callosum": [11.0, 12.9, 11.5, 10.4, 13.3, 11.1],
@@ -37,7 +38,7 @@ def models():
 
 @pytest.fixture
 def lesions():
-    return table(*(rows(values, lesion=lesion, retrained=True) for lesion, values in STATES.items()))
+    return table(*(rows(values, lesion=lesion, retrained=True) for lesion, values in LESIONS.items()))
 
 
 def test_groups_are_the_models_with_mean_spread_and_interval(models):
@@ -116,7 +117,7 @@ def test_comparisons_that_cannot_be_made_are_refused(models):
 
 
 def test_lesions_are_paired_by_seed_and_adjusted(lesions):
-    comparison = compare_lesions(lesions, METRIC, TASK, "cc_s")
+    comparison = compare_lesions(lesions, METRIC, RETRAINED)
     assert list(comparison.groups.index) == ["intact", "shallow_dominant", "callosum"]
     pairs = comparison.pairs
     assert list(zip(pairs["first"], pairs["second"], strict=True)) == [
@@ -124,50 +125,45 @@ def test_lesions_are_paired_by_seed_and_adjusted(lesions):
         ("intact", "callosum"),
         ("shallow_dominant", "callosum"),
     ]
-    p = [stats.ttest_rel(STATES[a], STATES[b]).pvalue for a, b in zip(pairs["first"], pairs["second"], strict=True)]
+    p = [stats.ttest_rel(LESIONS[a], LESIONS[b]).pvalue for a, b in zip(pairs["first"], pairs["second"], strict=True)]
     assert list(pairs["p_paired"]) == pytest.approx(p)
     # From the smallest on: times 3, 2 and 1, and never less than the one before.
     order = np.argsort(p)
     adjusted = np.maximum.accumulate(np.array(p)[order] * [3, 2, 1])
     assert list(pairs["p_holm"].iloc[order]) == pytest.approx(list(adjusted))
-    assert pairs["p_holm"].iloc[2] < 0.05 < stats.ttest_ind(STATES["shallow_dominant"], STATES["callosum"]).pvalue
+    assert pairs["p_holm"].iloc[2] < 0.05 < stats.ttest_ind(LESIONS["shallow_dominant"], LESIONS["callosum"]).pvalue
 
 
 def test_seeds_that_one_state_lacks_do_not_count(lesions):
     without = lesions[~((lesions["lesion"] == "callosum") & (lesions["seed"] == 2))].sample(frac=1, random_state=0)
-    pairs = compare_lesions(without, METRIC, TASK, "cc_s").pairs.set_index(["first", "second"])
+    pairs = compare_lesions(without, METRIC, RETRAINED).pairs.set_index(["first", "second"])
     assert pairs.loc[("intact", "callosum"), "n"] == 5
-    intact, callosum = (np.delete(STATES[state], 2) for state in ("intact", "callosum"))
+    intact, callosum = (np.delete(LESIONS[state], 2) for state in ("intact", "callosum"))
     assert pairs.loc[("intact", "callosum"), "p_paired"] == pytest.approx(stats.ttest_rel(intact, callosum).pvalue)
     assert pairs.loc[("intact", "shallow_dominant"), "n"] == 6
 
 
 def test_lesions_before_and_after_retraining_are_different_tables(lesions):
-    before = [rows([v / 2 for v in values], lesion=lesion) for lesion, values in STATES.items()]
+    before = [rows([v / 2 for v in values], lesion=lesion) for lesion, values in LESIONS.items()]
     both = pd.concat([lesions, table(*before)])
-    assert compare_lesions(both, METRIC, TASK, "cc_s", retrained=False).groups.loc["intact", "mean"] == pytest.approx(
-        np.mean(STATES["intact"]) / 2
+    assert compare_lesions(both, METRIC, State(TASK, "cc_s")).groups.loc["intact", "mean"] == pytest.approx(
+        np.mean(LESIONS["intact"]) / 2
     )
-    assert compare_lesions(both, METRIC, TASK, "cc_s").groups.loc["intact", "mean"] == pytest.approx(
-        np.mean(STATES["intact"])
+    assert compare_lesions(both, METRIC, RETRAINED).groups.loc["intact", "mean"] == pytest.approx(
+        np.mean(LESIONS["intact"])
     )
 
 
 def test_lesions_without_their_intact_network_are_refused(lesions):
     with pytest.raises(UserError, match="there is shallow_dominant, callosum: run `bilateral-rl lesion` first"):
-        compare_lesions(lesions[lesions["lesion"] != "intact"], METRIC, TASK, "cc_s")
-    with pytest.raises(UserError, match="cc_s, not retrained, intact and with a lesion; there is nothing"):
-        compare_lesions(lesions, METRIC, TASK, "cc_s", retrained=False)
+        compare_lesions(lesions[lesions["lesion"] != "intact"], METRIC, RETRAINED)
+    with pytest.raises(UserError, match="cc_s, without retraining, intact and with a lesion; there is nothing"):
+        compare_lesions(lesions, METRIC, State(TASK, "cc_s"))
 
 
 def test_a_seed_that_failed_is_left_out_and_said(lesions):
     lesions.loc[lesions["seed"] == 4, "value"] = np.nan
-    comparison = compare_lesions(lesions, METRIC, TASK, "cc_s")
+    comparison = compare_lesions(lesions, METRIC, RETRAINED)
     assert list(comparison.pairs["n"]) == [5, 5, 5]
     assert set(comparison.pairs["note"]) == {"1 value is no number"}
     assert list(comparison.groups["n"]) == [5, 5, 5]
-
-
-def test_values_are_in_the_order_of_their_seeds(models):
-    shuffled = models.sample(frac=1, random_state=1)
-    assert list(values_by_seed(shuffled, METRIC, TASK, "bi_s")) == MODELS["bi_s"]

@@ -2,22 +2,23 @@ import warnings
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bilateral_rl.analysis import kinematics, smoothness
 from bilateral_rl.analysis.metrics import (
     find_metric,
     measure,
+    metric_name,
     metrics_of,
     preferred_metric,
-    specialization_index,
-    threshold_name,
 )
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.errors import UserError
 
-THRESHOLDS = (0.02, 0.045)
+RADII = (0.02, 0.045)
 STEPS = 50
 
 
@@ -131,8 +132,8 @@ def test_a_seed_whose_trials_all_lack_a_value_has_nan_and_nobody_is_warned():
 
 
 def test_a_reach_has_shapes_and_a_hold_has_posture():
-    reach = {metric.name for metric in metrics_of("random_reach", THRESHOLDS)}
-    hold = {metric.name for metric in metrics_of("hold_position", THRESHOLDS)}
+    reach = {metric.name for metric in metrics_of("random_reach", RADII)}
+    hold = {metric.name for metric in metrics_of("hold_position", RADII)}
     both = {"time_in_goal_2cm", "time_in_goal_4.5cm", "final_error", "end_point_variability"}
     both |= {"effort", "force_effort", "return_dominant", "return_non_dominant"}
     assert hold == both | {"hold_rms_error", "hold_speed"}
@@ -143,15 +144,27 @@ def test_a_reach_has_shapes_and_a_hold_has_posture():
     }  # fmt: skip
 
 
-def test_a_radius_given_twice_counts_once():
-    names = [metric.name for metric in metrics_of("hold_position", [0.05, 0.02, 0.05])]
+def test_radii_that_are_written_alike_count_once():
+    names = [metric.name for metric in metrics_of("hold_position", [0.05, 0.02, 0.05, 0.05000001])]
     assert names[:2] == ["time_in_goal_5cm", "time_in_goal_2cm"]
     assert len(set(names)) == len(names)
 
 
+@given(st.sampled_from(["goal_completion", "speed_to_goal", "time_in_goal"]), st.floats(1e-12, 1e12))
+def test_a_metric_at_any_radius_is_found_by_its_name(start, radius):
+    metric = find_metric(metric_name(start, radius))
+    assert metric.name == metric_name(start, radius)
+    (same,) = (m for m in metrics_of("random_reach", [radius, radius]) if m.name.startswith(start))
+    assert (same.name, same.label) == (metric.name, metric.label)
+
+
+def test_metrics_without_a_goal_are_named_alike_at_every_radius():
+    assert metric_name("effort", 0.05) == "effort"
+
+
 @pytest.mark.parametrize("task", TASKS)
 def test_every_metric_of_a_task_is_found_by_its_name_and_measures_the_same(task, random_record):
-    metrics = metrics_of(task, THRESHOLDS)
+    metrics = metrics_of(task, RADII)
     found = [find_metric(metric.name) for metric in metrics]
     for one, other in zip(metrics, found, strict=True):
         assert (one.name, one.label, one.unit, one.tasks) == (other.name, other.label, other.unit, other.tasks)
@@ -162,7 +175,7 @@ def test_every_metric_of_a_task_is_found_by_its_name_and_measures_the_same(task,
 @pytest.mark.parametrize("task", TASKS)
 def test_what_a_task_is_judged_by_is_a_metric_of_it_and_higher_is_better(task):
     preferred = find_metric(preferred_metric(task, 0.045))
-    assert preferred.name in {metric.name for metric in metrics_of(task, THRESHOLDS)}
+    assert preferred.name in {metric.name for metric in metrics_of(task, RADII)}
     assert preferred.better == "higher"
 
 
@@ -176,7 +189,7 @@ def test_reaches_are_judged_by_completion_and_holds_by_time():
     [(0.05, "5cm"), (0.045, "4.5cm"), (0.03, "3cm"), (0.07, "7cm"), (0.1, "10cm"), (0.0125, "1.25cm")],
 )
 def test_radii_are_spelled_in_centimeters(radius, name):
-    assert threshold_name(radius) == name
+    assert metric_name("time_in_goal", radius) == f"time_in_goal_{name}"
     distance = np.float64(radius)
     hand = np.zeros((1, STEPS + 1, 2))
     record = make_record(hand, [[100 * distance - 0.01, 0]])
@@ -187,7 +200,16 @@ def test_radii_are_spelled_in_centimeters(radius, name):
 
 @pytest.mark.parametrize(
     "name",
-    ["speed", "goal_completion", "goal_completion_cm", "goal_completion_0cm", "final_error_5cm", "sparc_5cm", ""],
+    [
+        "speed",
+        "goal_completion",
+        "goal_completion_cm",
+        "goal_completion_0cm",
+        "goal_completion_1e-05cm",
+        "final_error_5cm",
+        "sparc_5cm",
+        "",
+    ],
 )
 def test_an_unknown_metric_is_refused_with_those_there_are(name):
     with pytest.raises(UserError, match=f"'{name}'.*path_length_ratio.*time_in_goal_<radius>cm"):
@@ -198,21 +220,3 @@ def test_an_unknown_metric_is_refused_with_those_there_are(name):
 def test_an_unknown_task_is_refused_with_those_there_are(ask):
     with pytest.raises(UserError, match=r"'juggle'.*random_reach.*hold_position"):
         ask("juggle")
-
-
-def test_the_index_says_which_side_does_the_task():
-    with np.errstate(all="raise"):
-        index = specialization_index([90, 0, 30, 40, 0], [30, 50, 30, 0, 0])
-    np.testing.assert_allclose(index, [0.5, -1, 0, 1, np.nan])
-
-
-def test_the_index_changes_its_sign_with_the_sides_and_has_no_unit():
-    generator = np.random.default_rng(0)
-    d, n = generator.random((2, 20))
-    np.testing.assert_allclose(specialization_index(n, d), -specialization_index(d, n))
-    np.testing.assert_allclose(specialization_index(100 * d, 100 * n), specialization_index(d, n))
-
-
-def test_the_index_of_one_pair_is_a_number_and_a_missing_side_gives_nan():
-    assert float(specialization_index(3.0, 1.0)) == 0.5
-    assert np.isnan(specialization_index(np.nan, 1.0))

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bilateral_rl.analysis.results import COLUMNS, by_seed, read_results
+from bilateral_rl.analysis.results import COLUMNS, State, by_seed, read_results
 from bilateral_rl.io.errors import UserError
 
 ROWS = [
@@ -31,18 +31,23 @@ def test_the_columns_are_those_of_the_long_form():
 @pytest.mark.parametrize(
     ("wanted", "values"),
     [
-        (("effort", "random_reach", "cc_s"), {2: 0.1 + 0.2, 10: 1.5}),
-        (("effort", "random_reach", "cc_s", "intact", True), {2: 3.0}),
-        (("effort", "random_reach", "cc_s", "callosum"), {2: 4.0}),
-        (("effort", "hold_position", "cc_s"), {2: 6.0}),
-        (("effort", "random_reach", "bi_s"), {2: 7.0}),
-        (("effort", "random_reach", "uni_b"), {}),
-        (("final_error", "random_reach", "cc_s"), {}),
+        (("effort", State("random_reach", "cc_s")), {2: 0.1 + 0.2, 10: 1.5}),
+        (("effort", State("random_reach", "cc_s", "intact", True)), {2: 3.0}),
+        (("effort", State("random_reach", "cc_s", "callosum")), {2: 4.0}),
+        (("effort", State("hold_position", "cc_s")), {2: 6.0}),
+        (("effort", State("random_reach", "bi_s")), {2: 7.0}),
+        (("effort", State("random_reach", "uni_b")), {}),
+        (("final_error", State("random_reach", "cc_s")), {}),
     ],
 )
 def test_values_are_picked_by_every_column_and_stand_in_the_order_of_the_seeds(results, wanted, values):
     found = by_seed(results, *wanted)
     assert list(found.items()) == list(values.items())
+
+
+def test_several_values_of_a_seed_are_refused(results):
+    with pytest.raises(UserError, match=r"several values of effort in random_reach for seed 2 of cc_s \(callosum, wi"):
+        by_seed(pd.concat([results, results.assign(algo="ppo")]), "effort", State("random_reach", "cc_s", "callosum"))
 
 
 def test_a_table_comes_back_from_its_file(results, tmp_path):

@@ -65,6 +65,7 @@ def test_the_table_has_a_row_a_trial_and_agrees_with_the_summary(policy):
 def test_reports_give_two_three_and_five_centimeters_and_the_runs_own_threshold(policy):
     record = Evaluator("random_reach", TrialSettings(threshold=0.1), 4, seed=0).run(policy)
     assert list(summaries(record, 0.1)) == [0.02, 0.03, 0.05, 0.1]
+    assert list(summaries(record, 0.05000001)) == [0.02, 0.03, 0.05000001]
 
 
 def test_stochastic_trials_differ_from_deterministic_ones(policy):

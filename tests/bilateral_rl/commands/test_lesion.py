@@ -13,8 +13,8 @@ from matplotlib import image
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from bilateral_rl.analysis.metrics import specialization_index
-from bilateral_rl.analysis.results import COLUMNS, by_seed, read_results
+from bilateral_rl.analysis.results import COLUMNS, State, by_seed, read_results
+from bilateral_rl.analysis.specialization import specialization_index
 from bilateral_rl.commands import lesion as command
 from bilateral_rl.policies.lesions import LESIONS
 from bilateral_rl.runs.folder import RunFolder
@@ -31,7 +31,7 @@ def files(folder):
 
 
 def of_model(results, metric, lesion, retrained):
-    return by_seed(results, metric, "random_reach", "cc_s", lesion, retrained)
+    return by_seed(results, metric, State("random_reach", "cc_s", lesion, retrained))
 
 
 def scalars(place):

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import torch
 
+from bilateral_rl.analysis.goals import STUDY_RADII
 from bilateral_rl.analysis.metrics import measure, metrics_of
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
@@ -24,7 +25,6 @@ from bilateral_rl.study.lesioning import LesionSettings, LesionStudy, state_name
 from bilateral_rl.study.retraining import TRAINED, Retraining
 
 SETTINGS = {"trials": 8, "seed": 7, "threads": 1}
-THRESHOLDS = (0.01, 0.02, 0.03, 0.05)
 COMBINED = ["callosum_deep_dominant", "callosum_deep_non_dominant"]
 STATE = ["seed", "lesion", "retrained"]
 
@@ -55,7 +55,7 @@ def evaluated(folder, policy, lesion, **settings):
     config, settings = folder.config(), {**SETTINGS, **settings}
     with policy.motor_network.lesioned(lesion):
         record = Evaluator(config.task, config.trial, settings["trials"], settings["seed"]).run(policy)
-    return pd.Series(measure(record, metrics_of(config.task, THRESHOLDS)))
+    return pd.Series(measure(record, metrics_of(config.task, STUDY_RADII)))
 
 
 def retrained_by_hand(folder, seed, lesion, own, penalty="weights", coefficient=0.001):
@@ -120,7 +120,7 @@ def test_a_lesion_that_cannot_be_is_refused_with_those_that_can(small_bptt, mode
 
 
 def test_there_is_a_row_for_each_seed_state_condition_and_metric(trained, results):
-    metrics = [metric.name for metric in metrics_of("random_reach", THRESHOLDS)]
+    metrics = [metric.name for metric in metrics_of("random_reach", STUDY_RADII)]
     assert tuple(results.columns) == COLUMNS
     assert len(results) == 3 * 8 * 2 * len(metrics)
     assert not results.duplicated([*STATE, "metric"]).any()
@@ -134,7 +134,7 @@ def test_there_is_a_row_for_each_seed_state_condition_and_metric(trained, result
 def test_metrics_are_those_of_the_task_at_the_reported_radii_and_the_runs_own(bptt_run):
     with_config(bptt_run, task="hold_position", trial={"threshold": 0.045})
     found = set(run_study(bptt_run, only=0, retrain=False, lesions=("callosum",), trials=2)["metric"])
-    assert found == {metric.name for metric in metrics_of("hold_position", (*THRESHOLDS, 0.045))}
+    assert found == {metric.name for metric in metrics_of("hold_position", (*STUDY_RADII, 0.045))}
     assert {"time_in_goal_1cm", "time_in_goal_4.5cm", "effort"} < found
     assert "goal_completion_5cm" not in found
 

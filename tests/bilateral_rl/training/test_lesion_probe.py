@@ -10,8 +10,8 @@ from stable_baselines3 import A2C, PPO
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.custom_scalar import layout_pb2
 
-from bilateral_rl.analysis.metrics import specialization_index
 from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.analysis.specialization import specialization_index
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
