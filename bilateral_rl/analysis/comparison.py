@@ -12,7 +12,7 @@ import pandas as pd
 from bilateral_rl.analysis.bootstrap import bootstrap_difference, bootstrap_mean, bootstrap_ratio
 from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g
 from bilateral_rl.analysis.results import RETRAINING, State, by_seed
-from bilateral_rl.analysis.samples import Float, align, finite, join_notes
+from bilateral_rl.analysis.samples import Float64, align, finite, join_notes
 from bilateral_rl.analysis.statistics import (
     OmnibusTest,
     anova,
@@ -41,7 +41,7 @@ class Comparison:
         """One column of ``pairs`` as a square table over the groups, such as the p-values of a post-hoc test.
 
         A difference or an effect of (second, first) is minus that of (first, second), a p-value is the same; the
-        diagonal is nan. Raises KeyError for a column that has no such rule.
+        diagonal is NaN. Raises KeyError for a column that has no such rule.
         """
         sign = {"difference": -1.0, "g": -1.0}.get(column, 1.0)
         if sign > 0 and not column.startswith("p_"):
@@ -138,7 +138,7 @@ def _groups(samples: dict[str, pd.Series]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def _model_pairs(names: Sequence[str], samples: Sequence[Float]) -> pd.DataFrame:
+def _model_pairs(names: Sequence[str], samples: Sequence[Float64]) -> pd.DataFrame:
     tukey, howell = tukey_hsd(samples), games_howell(samples)
     rows = []
     for (i, j), test in howell.items():

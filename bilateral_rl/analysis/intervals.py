@@ -14,7 +14,7 @@ from scipy import special, stats
 from scipy.optimize import brentq
 
 from bilateral_rl.analysis.samples import (
-    Float,
+    Float64,
     caveats,
     finite,
     has_spread,
@@ -32,21 +32,23 @@ _NAN = float("nan")
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate, the bounds of its 95 % interval, the seeds of its smallest sample, and what must be said of it.
+    """An estimate with its 95 % interval.
 
-    Without two seeds there are no bounds (nan); where all values are equal both are the estimate; where the data set
-    none, they are infinite.
+    The bounds are NaN if there are fewer than two seeds, both equal to the estimate if all values are equal, and
+    infinite if the data exclude no value, as for a ratio whose divisor may be 0.
     """
 
     value: float
     low: float
     high: float
     n: int
+    """Number of seeds in the smallest sample."""
     note: str = ""
+    """What readers must know about the estimate."""
 
 
 def mean_interval(values: ArrayLike) -> Interval:
-    """Of a mean, by Student's t."""
+    """Mean and its interval by Student's t."""
     x = finite(values)
     note = caveats(len(x), np.size(values) - len(x), has_spread(x))
     if len(x) < 2:
@@ -56,7 +58,14 @@ def mean_interval(values: ArrayLike) -> Interval:
 
 
 def difference_interval(first: ArrayLike, second: ArrayLike, paired: bool = False) -> Interval:
-    """Of the difference of two means, first − second: by Welch's t, or by Student's t of the pairs' differences."""
+    """Difference of two means, first − second, and its interval.
+
+    Args:
+        first: (n,), one value a seed.
+        second: (m,), the same.
+        paired: whether the samples are of the same seeds, in the same order: then the interval is Student's t of the
+            pairs' differences, otherwise Welch's t.
+    """
     a, b = usable(first, second, paired)
     n, value, note = min(len(a), len(b)), _mean(a) - _mean(b), pair_caveats(first, second, paired)
     if n < 2:
@@ -70,11 +79,11 @@ def difference_interval(first: ArrayLike, second: ArrayLike, paired: bool = Fals
 
 
 def ratio_interval(first: ArrayLike, second: ArrayLike, paired: bool = False) -> Interval:
-    """Of the ratio of two means, first / second, after Fieller.
+    """Ratio of two means, first / second, and its interval after Fieller.
 
-    The interval holds every ratio ρ at which mean(first) − ρ · mean(second) is not significantly different from 0; of
-    independent samples with Welch's degrees of freedom at the estimate. It is unbounded where mean(second) itself is
-    not significantly different from 0.
+    The interval holds every ratio ρ at which mean(first) − ρ · mean(second) is not significantly different from 0;
+    independent samples have Welch's degrees of freedom, taken at the estimate. The interval is unbounded where
+    mean(second) itself is not significantly different from 0.
 
     Sources: Fieller 1954, doi:10.1111/j.2517-6161.1954.tb00159.x; for the degrees of freedom Tamhane & Logan 2004.
     """
@@ -94,9 +103,9 @@ def ratio_interval(first: ArrayLike, second: ArrayLike, paired: bool = False) ->
 def hedges_g(first: ArrayLike, second: ArrayLike, paired: bool = False) -> Interval:
     """Standardized difference first − second without the bias of small samples, and its exact interval.
 
-    Of independent samples in units of their pooled standard deviation, of pairs in units of that of the pairs'
-    differences (d_z). The interval inverts the noncentral t distribution. nan where nothing spreads, and for two
-    pairs, of which there is no unbiased one.
+    The unit is the pooled standard deviation of independent samples, or the standard deviation of the pairs'
+    differences (d_z). The interval inverts the noncentral t distribution. NaN where nothing spreads, and for two
+    pairs, from which no unbiased estimate can be made.
 
     Sources: Hedges 1981, doi:10.3102/10769986006002107; Steiger & Fouladi 1997, in What if there were no significance
     tests?, ch. 9.
@@ -119,14 +128,14 @@ def hedges_g(first: ArrayLike, second: ArrayLike, paired: bool = False) -> Inter
 
 
 def small_sample_correction(df: int) -> float:
-    """J(df), the factor that takes the bias from a standardized difference with ``df`` ≥ 2 degrees of freedom."""
+    """Return J(df), the factor that removes the bias of a standardized difference; ``df`` is at least 2."""
     return float(np.exp(special.gammaln(df / 2) - special.gammaln((df - 1) / 2)) / np.sqrt(df / 2))
 
 
-def welch_df(a: Float, b: Float) -> float:
-    """Degrees of freedom of the difference of two means whose samples, of two or more numbers, may differ in variance.
+def welch_df(a: Float64, b: Float64) -> float:
+    """Return the degrees of freedom of the difference of two means whose samples may differ in variance.
 
-    Source: Welch 1947, doi:10.1093/biomet/34.1-2.28.
+    Both samples, (n,) and (m,), hold two or more numbers. Source: Welch 1947, doi:10.1093/biomet/34.1-2.28.
     """
     first, second = squared_error(a), squared_error(b)
     # Shares, because squares of tiny errors underflow.
@@ -134,12 +143,12 @@ def welch_df(a: Float, b: Float) -> float:
     return float(1 / (share**2 / (len(a) - 1) + (1 - share) ** 2 / (len(b) - 1)))
 
 
-def squared_error(values: Float) -> float:
-    """Square of the standard error of the mean of two or more numbers."""
+def squared_error(values: Float64) -> float:
+    """Return the square of the standard error of the mean of two or more numbers."""
     return float(values.var(ddof=1)) / len(values)
 
 
-def _fieller(a: Float, b: Float, ratio: float, paired: bool) -> tuple[float, float]:
+def _fieller(a: Float64, b: Float64, ratio: float, paired: bool) -> tuple[float, float]:
     """The roots ρ of (mean a − ρ mean b)² = t² · squared error of (mean a − ρ mean b)."""
     if not pair_has_spread(a, ratio * b, paired):
         return ratio, ratio
@@ -180,5 +189,5 @@ def _scaled_chi(probability: float, df: int) -> float:
     return float(np.sqrt(special.chdtri(df, 1 - probability) / df))
 
 
-def _mean(values: Float) -> float:
+def _mean(values: Float64) -> float:
     return float(values.mean()) if len(values) else _NAN

@@ -3,7 +3,7 @@
 Arrays are of ``n`` trials of ``T`` steps: ``hand`` (n, T + 1, 2) from the start on (m), ``target`` (n, 2) (m),
 ``timestep`` the length of a step (s). Everything is computed in float64 and spans the whole trial: the arms start at
 rest and the controllers have no reaction time, so no onset is looked for. A trial in which a measure has no meaning,
-or that holds a nan, gets nan, without a warning.
+or that holds a NaN, gets NaN, without a warning.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Float = NDArray[np.float64]
+from bilateral_rl.analysis.samples import Float64
 
 SAME_PLACE = 1e-6
 """Distance (m) under which two places are one: ten times the resolution of a hand in single precision."""
 
 
-def hand_speed(hand: ArrayLike, timestep: float) -> Float:
+def hand_speed(hand: ArrayLike, timestep: float) -> Float64:
     """(n, T): mean speed of the hand over each step (m/s)."""
     return np.asarray(np.linalg.norm(np.diff(_float(hand), axis=1), axis=2) / timestep)
 
 
-def path_length_ratio(hand: ArrayLike, target: ArrayLike) -> Float:
+def path_length_ratio(hand: ArrayLike, target: ArrayLike) -> Float64:
     """(n,): length of the hand's path over the straight distance from start to target.
 
     The denominator is the target's distance, not that of the end of the path, so it is given by the trial and not by
-    what the hand did: 1 is a straight reach, more a detour, less a hand that fell short. nan where the trial starts on
+    what the hand did: 1 is a straight reach, more a detour, less a hand that fell short. NaN where the trial starts on
     its target. Coderre et al. 2010 (doi:10.1177/1545968309356091).
     """
     reach = _reach(hand, target)
@@ -36,21 +36,21 @@ def path_length_ratio(hand: ArrayLike, target: ArrayLike) -> Float:
     return np.asarray(steps.sum(axis=1) / reach.distance)
 
 
-def perpendicular_deviation(hand: ArrayLike, target: ArrayLike) -> Float:
+def perpendicular_deviation(hand: ArrayLike, target: ArrayLike) -> Float64:
     """(n,): largest distance of the hand from the line through start and target, on either side of it (m).
 
-    nan where the trial starts on its target. The numerator of the linearity index of Atkeson & Hollerbach 1985
+    NaN where the trial starts on its target. The numerator of the linearity index of Atkeson & Hollerbach 1985
     (doi:10.1523/JNEUROSCI.05-09-02318.1985).
     """
     reach = _reach(hand, target)
     return np.asarray(np.abs(_cross(reach.straight[:, None], reach.offset)).max(axis=1) / reach.distance)
 
 
-def initial_direction_error(hand: ArrayLike, target: ArrayLike) -> Float:
+def initial_direction_error(hand: ArrayLike, target: ArrayLike) -> Float64:
     """(n,): angle between start to target and start to hand, at the end of the fastest step (rad), in [0, π].
 
     The direction at peak speed, as in Krakauer et al. 2000 (doi:10.1523/JNEUROSCI.20-23-08916.2000). At peak
-    acceleration, the other common choice, these arms have mostly moved by less than a centimeter. nan where the trial
+    acceleration, the other common choice, these arms have mostly moved by less than a centimeter. NaN where the trial
     starts on its target, or the hand is at its start by then.
     """
     reach = _reach(hand, target)
@@ -61,18 +61,18 @@ def initial_direction_error(hand: ArrayLike, target: ArrayLike) -> Float:
     return np.where(meant, angle, np.nan)
 
 
-def peak_speed(hand: ArrayLike, timestep: float) -> Float:
+def peak_speed(hand: ArrayLike, timestep: float) -> Float64:
     """(n,): speed of the hand in its fastest step (m/s)."""
     return np.asarray(hand_speed(hand, timestep).max(axis=1))
 
 
-def time_to_peak_speed(hand: ArrayLike, timestep: float) -> Float:
-    """(n,): from the trial's start to the middle of the (first) fastest step (s); nan where the hand never moves."""
+def time_to_peak_speed(hand: ArrayLike, timestep: float) -> Float64:
+    """(n,): from the trial's start to the middle of the (first) fastest step (s); NaN where the hand never moves."""
     speed = hand_speed(hand, timestep)
     return np.where(speed.max(axis=1) > 0, (speed.argmax(axis=1) + 0.5) * timestep, np.nan)
 
 
-def end_point_errors(hand: ArrayLike, target: ArrayLike) -> Float:
+def end_point_errors(hand: ArrayLike, target: ArrayLike) -> Float64:
     """(n, 2): from the target to the hand after the last step (m)."""
     return _float(hand)[:, -1] - _float(target)
 
@@ -81,7 +81,7 @@ def end_point_variability(hand: ArrayLike, target: ArrayLike) -> float:
     """Dispersion of the end-point errors (m): root mean squared distance from their mean.
 
     What an error common to all trials leaves over: with it, the mean squared final error is the squared length of the
-    mean error plus the squared dispersion. Trials with a nan are left out; nan for fewer than two. The bivariate
+    mean error plus the squared dispersion. Trials with a NaN are left out; NaN for fewer than two. The bivariate
     variable error of Hancock, Butler & Fischman 1995 (doi:10.1080/00222895.1995.9941714).
     """
     errors = end_point_errors(hand, target)
@@ -91,18 +91,18 @@ def end_point_variability(hand: ArrayLike, target: ArrayLike) -> float:
     return float(np.sqrt(((errors - errors.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def rms_error(hand: ArrayLike, target: ArrayLike) -> Float:
+def rms_error(hand: ArrayLike, target: ArrayLike) -> Float64:
     """(n,): root mean squared distance from hand to target after each step, from the first to the last (m)."""
     squared = ((_float(hand)[:, 1:] - _float(target)[:, None]) ** 2).sum(axis=2)
     return np.asarray(np.sqrt(squared.mean(axis=1)))
 
 
-def mean_speed(hand: ArrayLike, timestep: float) -> Float:
+def mean_speed(hand: ArrayLike, timestep: float) -> Float64:
     """(n,): mean speed of the hand over all steps (m/s); in a hold, the posture speed of Coderre et al. 2010."""
     return np.asarray(hand_speed(hand, timestep).mean(axis=1))
 
 
-def effort(excitation: ArrayLike, timestep: float) -> Float:
+def effort(excitation: ArrayLike, timestep: float) -> Float64:
     """(n,): ∫ Σ u² dt over the muscles' excitations u (n, T, 6), held during each step (s).
 
     Criterion Σ (force / maximal force)² of Pedotti, Krishnan & Stark 1978 (doi:10.1016/0025-5564(78)90018-4), the
@@ -111,7 +111,7 @@ def effort(excitation: ArrayLike, timestep: float) -> Float:
     return np.asarray((_float(excitation) ** 2).sum(axis=(1, 2)) * timestep)
 
 
-def force_effort(excitation: ArrayLike, max_force: ArrayLike, timestep: float) -> Float:
+def force_effort(excitation: ArrayLike, max_force: ArrayLike, timestep: float) -> Float64:
     """(n,): :func:`effort` of excitations scaled by maximal force over the muscles' mean maximal force (s).
 
     Criterion Σ force² of the same source, in units in which six equal muscles give :func:`effort`: a strong muscle
@@ -129,12 +129,12 @@ def force_effort(excitation: ArrayLike, max_force: ArrayLike, timestep: float) -
 class _Reach(NamedTuple):
     """What lies between start and target."""
 
-    offset: Float
+    offset: Float64
     """(n, T + 1, 2), from the start to the hand (m)."""
-    straight: Float
+    straight: Float64
     """(n, 2), from the start to the target (m)."""
-    distance: Float
-    """(n,), its length (m); nan where start and target are one place."""
+    distance: Float64
+    """(n,), its length (m); NaN where start and target are one place."""
 
 
 def _reach(hand: ArrayLike, target: ArrayLike) -> _Reach:
@@ -144,10 +144,10 @@ def _reach(hand: ArrayLike, target: ArrayLike) -> _Reach:
     return _Reach(path - path[:, :1], straight, np.where(distance >= SAME_PLACE, distance, np.nan))
 
 
-def _cross(a: Float, b: Float) -> Float:
+def _cross(a: Float64, b: Float64) -> Float64:
     """Third component of the cross product of vectors in the plane, in the last axis."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _float(values: ArrayLike) -> Float:
+def _float(values: ArrayLike) -> Float64:
     return np.asarray(values, dtype=np.float64)

@@ -1,6 +1,6 @@
 """Every metric of the studies, as data: what it is called, what it means, in which task, and how it is computed.
 
-A metric's value is that of a seed: the mean over its trials, those left out in which it has no meaning (nan where it
+A metric's value is that of a seed: the mean over its trials, those left out in which it has no meaning (NaN where it
 has none in any). The metrics of a goal carry the goal's radius in their name: ``goal_completion_5cm``.
 """
 
@@ -106,7 +106,7 @@ def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
 
 
 def _mean(values: ArrayLike, scale: float = 1.0) -> float:
-    """``scale`` times the mean of the values that are not nan; nan where all are."""
+    """``scale`` times the mean of the values that are not NaN; NaN where all are."""
     numbers = np.asarray(values, dtype=np.float64)
     numbers = numbers[~np.isnan(numbers)]
     return scale * float(numbers.mean()) if len(numbers) else float("nan")

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Float = NDArray[np.float64]
+from bilateral_rl.analysis.samples import Float64
 
 MAX_CUTOFF = 10.0
 """Hz; what is above does not count."""
@@ -22,11 +22,11 @@ PAD_LEVEL = 4
 """Powers of two by which zeros lengthen the movement, which refines the spectrum's grid."""
 
 
-def sparc(speed: ArrayLike, timestep: float) -> Float:
+def sparc(speed: ArrayLike, timestep: float) -> Float64:
     """Spectral arc length of each trial, without unit.
 
     Minus the length of the speed's amplitude spectrum, its maximum set to 1 and its frequencies scaled to [0, 1], up
-    to the last frequency of at most ``MAX_CUTOFF`` whose amplitude reaches ``AMPLITUDE_THRESHOLD``. nan for a hand that
+    to the last frequency of at most ``MAX_CUTOFF`` whose amplitude reaches ``AMPLITUDE_THRESHOLD``. NaN for a hand that
     never moves, and where nothing but frequency 0 counts.
 
     Args:
@@ -47,11 +47,11 @@ def sparc(speed: ArrayLike, timestep: float) -> Float:
     return np.where(last[..., 0] > 0, -arc_length, np.nan)
 
 
-def ldlj(speed: ArrayLike, timestep: float) -> Float:
+def ldlj(speed: ArrayLike, timestep: float) -> Float64:
     """Log dimensionless jerk of each trial, without unit.
 
     −ln(D³ / v_peak² · ∫ v̈² dt) with the trial's duration D and speed v, whose second derivative is a second
-    difference: the jerk along the path, not of the turns. nan for a hand that never moves, and where the speed has no
+    difference: the jerk along the path, not of the turns. NaN for a hand that never moves, and where the speed has no
     second derivative but 0.
 
     Args:
@@ -67,10 +67,10 @@ def ldlj(speed: ArrayLike, timestep: float) -> Float:
     return np.asarray(-np.log(_nan_unless_positive(duration**3 * (jerk**2).sum(axis=-1) * timestep)))
 
 
-def _unit_peak(values: Float) -> Float:
-    """``values`` scaled to a maximum of 1 in the last axis; nan where the maximum is 0."""
+def _unit_peak(values: Float64) -> Float64:
+    """``values`` scaled to a maximum of 1 in the last axis; NaN where the maximum is 0."""
     return np.asarray(values / _nan_unless_positive(values.max(axis=-1, keepdims=True)))
 
 
-def _nan_unless_positive(values: Float) -> Float:
+def _nan_unless_positive(values: Float64) -> Float64:
     return np.where(values > 0, values, np.nan)

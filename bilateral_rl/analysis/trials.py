@@ -21,7 +21,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy
 
-Float = NDArray[np.float32]
+Float32 = NDArray[np.float32]
 
 
 class NotFiniteError(UserError, ValueError):
@@ -32,25 +32,25 @@ class NotFiniteError(UserError, ValueError):
 class TrialRecord:
     """``n`` trials of ``T`` steps, in float32."""
 
-    joint: Float
+    joint: Float32
     """(n, T + 1, 2): angles of shoulder and elbow at the start and after each step (rad)."""
-    hand: Float
+    hand: Float32
     """(n, T + 1, 2): position of the hand at the start and after each step (m), the shoulder at the origin."""
-    target: Float
+    target: Float32
     """(n, 2): position of the target (m)."""
-    load: Float
+    load: Float32
     """(n, 2): force on the hand (N)."""
-    distance: Float
+    distance: Float32
     """(n, T): distance from hand to target after each step (m)."""
-    start_distance: Float
+    start_distance: Float32
     """(n,): distance from hand to target at the start (m)."""
-    observation: Float
+    observation: Float32
     """(n, T, 16): what the policy saw before each step, in the units of :class:`~bilateral_rl.envs.ArmEnv`."""
-    excitation: Float
+    excitation: Float32
     """(n, T, 6): commands to the muscles in each step, in [0, 1]."""
-    activation: Float
+    activation: Float32
     """(n, T, 6): activation of the muscles after each step, in [0, 1]."""
-    vector_return: Float
+    vector_return: Float32
     """(n, 2): sum of the rewards over the trial, dominant and non-dominant."""
     arm: ArmParameters
     """The arm that moved; ``arm.timestep`` is the length of a step (s)."""
@@ -141,7 +141,7 @@ class Evaluator:
         )
 
 
-def _action(policy: MotorPolicy, observation: Float, deterministic: bool) -> Float:
+def _action(policy: MotorPolicy, observation: Float32, deterministic: bool) -> Float32:
     try:
         action, _ = policy.predict(observation, deterministic=deterministic)
     except ValueError as error:

@@ -24,14 +24,14 @@ class Component:
     unit: str
     """Of the estimate, "" if it has none."""
     estimate: Interval
-    """With its own 95 % interval; nan where there is none."""
+    """With its own 95 % interval; NaN where there is none."""
     verdict: Verdict
     test: str = ""
     """"" where an interval alone decides."""
     p: float = float("nan")
-    """Adjusted for the family of comparisons that ``test`` names; nan where there is no test."""
+    """Adjusted for the family of comparisons that ``test`` names; NaN where there is no test."""
     tukey_p: float = float("nan")
-    """The paper's test of the same comparison, Tukey's HSD; nan where it has none."""
+    """The paper's test of the same comparison, Tukey's HSD; NaN where it has none."""
     note: str = ""
 
     @property

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from bilateral_rl.analysis.intervals import Interval, difference_interval, mean_interval, ratio_interval
-from bilateral_rl.analysis.samples import Float, align
+from bilateral_rl.analysis.samples import Float64, align
 from bilateral_rl.analysis.statistics import PairTest, holm, paired_test, welch_test
 from bilateral_rl.claims.claim import Component
 from bilateral_rl.claims.evidence import Evidence, Sample
@@ -35,7 +35,7 @@ class Contrast:
         return f"{self.greater.measure.text}: {self.greater.name} > {self.lesser.name}"
 
     @property
-    def values(self) -> tuple[Float, Float]:
+    def values(self) -> tuple[Float64, Float64]:
         """Of both, seed by seed if paired."""
         if self.paired:
             return align(self.greater.values, self.lesser.values)
@@ -122,7 +122,7 @@ def _direction(contrast: Contrast, p: float, test: str, tukey_p: float = _NAN, r
 def _share(
     text: str,
     samples: Sequence[Sample],
-    values: tuple[Float, Float],
+    values: tuple[Float64, Float64],
     low: float,
     high: float,
     paired: bool,

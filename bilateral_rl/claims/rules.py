@@ -20,7 +20,7 @@ def is_greater(difference: Interval, p: float, matters: float) -> Verdict:
     """Whether one mean is greater than another.
 
     Supported if significantly so. Not supported if significantly less, or if the interval of the difference lies
-    below the smallest difference that ``matters``. nan, where nothing could be tested or estimated, decides nothing.
+    below the smallest difference that ``matters``. NaN, where nothing could be tested or estimated, decides nothing.
     """
     if p < ALPHA:
         return "supported" if difference.value > 0 else "not supported"

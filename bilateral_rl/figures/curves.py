@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, StrMethodFormatter
 
 from bilateral_rl.analysis.intervals import mean_interval
-from bilateral_rl.analysis.samples import Float
+from bilateral_rl.analysis.samples import Float64
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.figures.labels import axis_label, model_label
 from bilateral_rl.figures.style import (
@@ -95,7 +95,7 @@ def carried_forward(rows: pd.DataFrame, measure: str, progress: str) -> pd.DataF
     return rows.pivot(index=progress, columns="seed", values=measure).sort_index().ffill()
 
 
-def interval_over_seeds(values: pd.DataFrame) -> tuple[Float, Float, Float, Float]:
+def interval_over_seeds(values: pd.DataFrame) -> tuple[Float64, Float64, Float64, Float64]:
     """Points of progress, and the mean over the seeds (a column each) at each, with its interval's ends."""
     mean, low, high = np.array([(i.value, i.low, i.high) for i in map(mean_interval, values.to_numpy())]).T
     return values.index.to_numpy(dtype=np.float64), mean, low, high

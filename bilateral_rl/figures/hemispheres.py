@@ -16,7 +16,7 @@ from bilateral_rl.figures.labels import model_label
 from bilateral_rl.figures.style import INK, ModelStyle, dress, in_order, new_figure, set_note, set_title_and_legend
 from bilateral_rl.policies.networks import BilateralNetwork
 
-Float = NDArray[np.floating]
+Floating = NDArray[np.floating]
 
 DOMINANT_STYLE = ModelStyle("#01665e", "o", "-")
 NON_DOMINANT_STYLE = ModelStyle("#c98a2b", "s", (0, (4, 1.5)))
@@ -25,8 +25,8 @@ NON_DOMINANT_STYLE = ModelStyle("#c98a2b", "s", (0, (4, 1.5)))
 class Contributions(NamedTuple):
     """What the sides add to each other before the output layer, (n, T, units / 2) each: n trials of T steps."""
 
-    dominant: Float
-    non_dominant: Float
+    dominant: Floating
+    non_dominant: Floating
 
 
 def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributions:
@@ -45,7 +45,7 @@ def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributio
 
 
 def dominant_share(sides: Contributions) -> NDArray[np.float64]:
-    """(n, T) percent of the mean absolute contribution that is the dominant side's; nan where neither has any."""
+    """(n, T) percent of the mean absolute contribution that is the dominant side's; NaN where neither has any."""
     dominant, non_dominant = _magnitude(sides.dominant), _magnitude(sides.non_dominant)
     total = dominant + non_dominant
     return 100 * np.divide(dominant, total, out=np.full_like(total, np.nan), where=total > 0)
@@ -77,6 +77,6 @@ def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, tit
     return figure
 
 
-def _magnitude(contribution: Float) -> NDArray[np.float64]:
+def _magnitude(contribution: Floating) -> NDArray[np.float64]:
     """(n, T, units) to (n, T)."""
     return np.asarray(np.abs(contribution).mean(axis=2, dtype=np.float64))

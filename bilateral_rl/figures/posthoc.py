@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from bilateral_rl.analysis.formats import decimals_for, fixed, p_equation
-from bilateral_rl.analysis.samples import Float
+from bilateral_rl.analysis.samples import Float64
 from bilateral_rl.figures.labels import MetricLike, model_label, with_unit
 from bilateral_rl.figures.style import LABEL_SIZE, TEXT_SIZE, in_order, new_figure, set_note, set_title
 
@@ -64,7 +64,7 @@ def stars_of(p: float) -> str:
     return next((stars for bound, stars in STARS if p < bound), "")
 
 
-def _square(pairwise: pd.DataFrame, order: Sequence[str]) -> tuple[Float, Float]:
+def _square(pairwise: pd.DataFrame, order: Sequence[str]) -> tuple[Float64, Float64]:
     """Differences, row minus column, and p values: the second model on down the first model to the last but one."""
     difference, p = np.full((2, len(order), len(order)), math.nan)
     places = [[order.index(name) for name in pairwise[column]] for column in ("a", "b")]
@@ -74,7 +74,7 @@ def _square(pairwise: pd.DataFrame, order: Sequence[str]) -> tuple[Float, Float]
     return difference[1:, :-1], p[1:, :-1]
 
 
-def _draw(axes: Axes, difference: Float, p: Float) -> None:
+def _draw(axes: Axes, difference: Float64, p: Float64) -> None:
     """The cells on and below the diagonal."""
     levels = _levels(difference, p)
     seaborn.heatmap(
@@ -96,13 +96,13 @@ def _draw(axes: Axes, difference: Float, p: Float) -> None:
     axes.set_aspect(_CELL_HEIGHT / 0.85)
 
 
-def _levels(difference: Float, p: Float) -> Float:
+def _levels(difference: Float64, p: Float64) -> Float64:
     """Number of stars with the sign of the difference, 0 where there is no test."""
     n_stars = np.sum([p < bound for bound, _ in STARS], axis=0)
     return np.asarray(np.nan_to_num(np.sign(difference)) * n_stars)
 
 
-def _decimals(difference: Float) -> int:
+def _decimals(difference: Float64) -> int:
     """How many decimals give the largest difference three digits."""
     return decimals_for(np.nanmax(np.abs(difference), initial=0), 3)
 
