@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import torch
+
+from bilateral_rl.io.cpus import usable_cpus
 
 
 class Workers:
@@ -21,7 +22,7 @@ class Workers:
     """
 
     def __init__(self, n: int = 1) -> None:
-        self.n = n or len(os.sched_getaffinity(0))
+        self.n = n or usable_cpus()
         self._pool: ThreadPoolExecutor | None = None
         if self.n > 1:
             self._pool = ThreadPoolExecutor(self.n, initializer=torch.set_num_threads, initargs=(1,))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import importlib.metadata
 import json
 import os
@@ -19,7 +18,7 @@ import yaml
 
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.io import files
+from bilateral_rl.io import files, locks
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.io.yaml_files import read_settings
@@ -82,27 +81,28 @@ class RunFolder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """A context in which this process alone trains into the folder; however it ends, so does the lock.
+        """A context in which this process alone trains into the folder; however the process ends, so does the lock.
+
+        Temporary files that a killed training left there are removed.
 
         Raises:
             UserError: another training holds the lock, or the folder cannot be written, or not without harm to other
                 things (:func:`bilateral_rl.io.files.refuse_traps`).
         """
         files.refuse_traps(self.path)
-        path = self.path / ".lock"
-        try:
-            handle = _lock(path)
-        except BlockingIOError:
-            raise UserError(f"Another training is writing into {self.path}; wait for its end, or stop it.") from None
-        except OSError as error:
-            raise UserError(f"Cannot write {self.path}: {error.strerror}.") from None
-        try:
+        lock = self.path / ".lock"
+        with contextlib.ExitStack() as stack:
+            try:
+                stack.enter_context(locks.locked(lock))
+            except TimeoutError:
+                raise UserError(
+                    f"Another training is writing into {self.path}; wait for its end, or stop it. If there is none on "
+                    f"any machine, remove {lock}."
+                ) from None
+            except OSError as error:
+                raise UserError(f"Cannot write {self.path}: {error.strerror}.") from None
+            files.remove_left_over(self.path)
             yield
-        finally:
-            if _is_at(path, handle):
-                with contextlib.suppress(OSError):
-                    path.unlink()  # while it is held: who has opened it sees that it is gone
-            os.close(handle)
 
     def write_config(self, config: TrainConfig) -> None:
         """Write ``config.yaml``."""
@@ -196,7 +196,7 @@ class RunFolder:
     def write_text(self, name: str, text: str) -> None:
         """Write ``name`` whole or not at all."""
         with replacing(self.path / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_text(text, encoding="utf-8", newline="\n")
 
     def _write_tensors(self, name: str, tensors: Tensors) -> None:
         from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
@@ -226,27 +226,6 @@ def versions() -> dict[str, Any]:
         "torch_device": torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu",
         **packages,
     }
-
-
-def _lock(path: Path) -> int:
-    """A handle of ``path`` that holds an exclusive lock. Raises BlockingIOError if another one does."""
-    while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if _is_at(path, handle):
-                return handle
-        except BaseException:
-            os.close(handle)
-            raise
-        os.close(handle)  # it was removed in between by the one that held it
-
-
-def _is_at(path: Path, handle: int) -> bool:
-    try:
-        return os.path.samestat(os.fstat(handle), path.stat(follow_symlinks=False))
-    except OSError:
-        return False
 
 
 @contextlib.contextmanager

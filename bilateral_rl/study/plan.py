@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +12,7 @@ from bilateral_rl.config.parse import Values
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.envs.tasks import TASKS
+from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.vocabulary import PROFILES
@@ -154,6 +154,6 @@ def side_by_side(wanted: int | None, n_jobs: int) -> tuple[int, int]:
     """
     if wanted is not None and wanted < 1:
         raise UserError(f"--jobs must be at least 1, got {wanted}.")
-    n_cpus = len(os.sched_getaffinity(0))
+    n_cpus = usable_cpus()
     at_once = min(wanted or n_cpus, n_jobs)
     return at_once, max(1, n_cpus // at_once)

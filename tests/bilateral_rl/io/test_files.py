@@ -14,7 +14,7 @@ import pytest
 
 from bilateral_rl.io import files
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.io.files import find, read, refuse_traps, replacing
+from bilateral_rl.io.files import find, read, refuse_traps, remove_left_over, replacing
 
 
 @pytest.fixture
@@ -173,35 +173,21 @@ def _write_and_wait(path, ready):
         signal.pause()
 
 
-def test_what_a_killed_process_left_vanishes_with_the_next_write(folder):
+def test_what_a_killed_process_left_is_recognized_and_removed_where_nobody_else_writes(folder):
     context = multiprocessing.get_context("fork")
     ready = context.Event()
-    process = context.Process(target=_write_and_wait, args=(folder / "file", ready))
+    process = context.Process(target=_write_and_wait, args=(folder / "below/file", ready))
+    (folder / "below").mkdir()
+    (folder / ".hidden").touch()
     process.start()
     ready.wait()
-    with replacing(folder / "file") as temporary:
-        temporary.write_text("while it lives")
-    (left,) = [path for path in folder.iterdir() if path.name != "file"]
-    assert left.read_text() == "half"
-    assert f"-{process.pid}-" in left.name
     process.kill()
     process.join()
-    with replacing(folder / "other"):
-        pass
-    assert left.exists()
-    with replacing(folder / "file") as temporary:
-        temporary.write_text("after its death")
-    assert sorted(path.name for path in folder.iterdir()) == ["file", "other"]
-
-
-def test_files_that_only_look_left_over_stay(folder):
-    stem = files._temporary_stem(folder / "file")
-    names = [".file.tmp", ".file.00000000-99999999-x", f"{stem}x-y", f"{stem}0-y", f"{stem}{10**30}-y", f"{stem}1"]
-    for name in names:
-        (folder / name).touch()
-    with replacing(folder / "file"):
-        pass
-    assert {path.name for path in folder.iterdir()} == {"file", *names}
+    (left,) = (folder / "below").iterdir()
+    assert left.read_text() == "half"
+    assert left.match(".file.*.tmp")
+    remove_left_over(folder)
+    assert {path.name for path in folder.rglob("*")} == {"below", ".hidden"}
 
 
 def test_a_full_disk_is_an_error_of_the_system_and_leaves_nothing(folder):
