@@ -7,8 +7,6 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-from filelock import FileLock
-
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
@@ -21,6 +19,8 @@ def locked(path: Path) -> Iterator[None]:
         TimeoutError: another process holds the lock; it is not waited for.
         OSError: the file cannot be written, or is a link.
     """
+    from filelock import FileLock  # a tenth of a second, which listing runs does without
+
     lock = FileLock(path, blocking=False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about the soft lock
