@@ -1,7 +1,8 @@
-"""What every hemispheric algorithm has in common: reward streams, routed updates, logs by side."""
+"""The base class of every hemispheric algorithm: reward streams, routed updates, logs by side."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -18,23 +19,18 @@ from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gr
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
 
+Log = defaultdict[str, list[Tensor]]
+"""What updates measure, by name: of each update a number, or (n_streams,) numbers."""
+
 
 class Hemispheric(BaseAlgorithm):
-    """A stable-baselines3 algorithm whose reward is a pair, dominant and non-dominant; mix it into one of SB3's.
+    """Base class of the algorithms whose reward is a pair, dominant and non-dominant; mix it into one of SB3's.
 
     The environment gives the pair as ``venv.last_vector_reward`` (n_envs, 2), or as ``info["vector_reward"]`` (2,).
     With ``loss`` other than "specialized" there is one stream, and the arithmetic is the SB3 parent's.
 
-    Args:
-        policy: a policy of this package that fits the algorithm, or its alias: "UnilateralPolicy",
-            "BilateralPolicy" or "CallosalPolicy".
-        env: the environment.
-        loss: "specialized", or "combined", "dominant" or "non_dominant" for a single stream.
-        weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4): in full (weight 2) on the
-            non-dominant hemisphere, by half on shared layers, not at all on the dominant hemisphere.
-        reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
-        policy_kwargs: arguments of the policy; it gets ``n_streams`` by itself.
-        **kwargs: everything else, as for the SB3 parent.
+    The constructors of the algorithms list all their arguments; this one takes its own out of them and gives the
+    others to the SB3 parent.
 
     Raises:
         ValueError: an unknown loss, a policy that is not bilateral_rl's, or observations that are not a Box.
@@ -42,33 +38,33 @@ class Hemispheric(BaseAlgorithm):
 
     policy: MotorPolicy
     POLICY_CLASS: ClassVar[type[MotorPolicy]]
-    """What ``policy`` must be."""
+    """The class that ``policy`` must be of."""
 
     def __init__(
         self,
         policy: str | type[MotorPolicy],
         env: GymEnv | str | None,
-        loss: Loss = "specialized",
-        weight_penalty: float = 0.001,
-        reward_scale: float = 1.0,
-        policy_kwargs: dict[str, Any] | None = None,
-        **kwargs: Any,
+        *,
+        loss: Loss,
+        weight_penalty: float,
+        reward_scale: float,
+        policy_kwargs: dict[str, Any] | None,
+        **sb3_arguments: Any,
     ) -> None:
         if isinstance(policy, type) and not issubclass(policy, self.POLICY_CLASS):
-            name, wanted = type(self).__name__, self.POLICY_CLASS.__name__
-            raise ValueError(f"{name} needs a {wanted}, not {policy.__name__}.")
+            raise ValueError(f"{type(self).__name__} needs a {self.POLICY_CLASS.__name__}, not {policy.__name__}.")
         self.loss = loss
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
         policy_kwargs = {"n_streams": len(stream_mix(loss))} | (policy_kwargs or {})
-        super().__init__(policy, env, policy_kwargs=policy_kwargs, **kwargs)
+        super().__init__(policy, env, policy_kwargs=policy_kwargs, **sb3_arguments)
 
     def _setup_model(self) -> None:
         if not isinstance(self.observation_space, spaces.Box):
             name = type(self).__name__
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
         super()._setup_model()  # type: ignore[safe-super]
-        self._mix = np.array(stream_mix(self.loss), dtype=np.float32)
+        self._mix = np.array(stream_mix(self.loss), dtype=np.float32)  # (n_streams, 2)
         self._shares = policy_shares(self.loss)
         # Walking through a policy costs a millisecond, so it is done once.
         self._groups = self.parameter_groups()
@@ -85,7 +81,7 @@ class Hemispheric(BaseAlgorithm):
     # --- rewards ----------------------------------------------------------------------------------------------------
 
     def _stream_rewards(self, env: VecEnv, infos: Sequence[Mapping[str, Any]]) -> NDArray[np.float32]:
-        """(n_envs, n_streams) scaled rewards of the last step."""
+        """Return the scaled rewards of the last step, (n_envs, n_streams)."""
         pair = getattr(env, "last_vector_reward", None)
         if pair is None:
             if "vector_reward" not in infos[0]:
@@ -95,12 +91,13 @@ class Hemispheric(BaseAlgorithm):
                     "bilateral_rl.envs.VectorReward."
                 )
             pair = np.array([info["vector_reward"] for info in infos], dtype=np.float32)
+        # (n_envs, 2) @ (2, n_streams)
         return np.asarray(pair @ self._mix.T * self.reward_scale, dtype=np.float32)
 
     # --- updates ----------------------------------------------------------------------------------------------------
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """Every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
+        """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
         return self.policy.parameter_groups()
 
     def _route(self, losses: Sequence[Tensor], groups: Mapping[str, Sequence[nn.Parameter]]) -> None:
@@ -115,7 +112,7 @@ class Hemispheric(BaseAlgorithm):
         super()._update_info_buffer(infos, dones)
 
     def _log_stream_returns(self) -> None:
-        """Log the mean return of each stream over the last trials."""
+        """Log the mean return of each side's reward over the last trials."""
         assert self.ep_info_buffer is not None
         for side in SIDES:
             returns = [info[side] for info in self.ep_info_buffer if side in info]
@@ -137,7 +134,7 @@ class Hemispheric(BaseAlgorithm):
 
 
 def _name_stream_returns(infos: Sequence[dict[str, Any]]) -> None:
-    """Put the streams' returns where SB3 keeps episode statistics; a Monitor in between leaves them out."""
+    """Put the sides' returns where SB3 keeps episode statistics; a Monitor in between leaves them out."""
     for info in infos:
         if "episode" in info and "vector_return" in info:
             dominant, non_dominant = (float(value) for value in info["vector_return"])

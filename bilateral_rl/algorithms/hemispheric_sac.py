@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from stable_baselines3 import SAC
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.type_aliases import GymEnv, ReplayBufferSamples, Schedule
 from stable_baselines3.common.utils import polyak_update
 from torch import Tensor, nn
 
-from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy, Log
+from bilateral_rl.algorithms.hemispheric import Log
+from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy
 from bilateral_rl.policies.off_policy import SAC_ALIASES, BilateralSACPolicy
+from bilateral_rl.vocabulary import Loss
 
 
 class HemisphericSAC(HemisphericOffPolicy, SAC):
@@ -20,9 +24,53 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
 
     Each stream has its own critics, of which the smallest value counts, and its own target critics. The loss of a
     stream is minus that value, minus the temperature times the entropy; its gradients are routed
-    (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. Arguments as for
-    :class:`~bilateral_rl.algorithms.off_policy.HemisphericOffPolicy` and SB3's ``SAC``; ``target_update_interval``
-    counts updates.
+    (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. The optimizers
+    are Adam with its fused kernel.
+
+    The arguments are those of SB3's ``SAC``, with its defaults, and four more: ``loss``, ``weight_penalty``,
+    ``reward_scale`` and ``critic_warm_up``.
+
+    Args:
+        policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
+            :class:`~bilateral_rl.policies.BilateralSACPolicy`.
+        env: the environment, or its registered id. It gives the pair of rewards as ``last_vector_reward`` (n_envs, 2)
+            or ``info["vector_reward"]`` (2,).
+        loss: "specialized" for a stream by side; "combined", "dominant" or "non_dominant" for a single stream.
+        weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4). Specialized, the
+            non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
+        reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
+        critic_warm_up: updates of the critics before the first of the network. The cost of effort shows at once and
+            what movement is good for only later, so that a network that follows fresh critics learns to do nothing.
+        learning_rate: Adam's learning rate for network, critics and temperature, a number or a function of the
+            remaining progress (1 to 0).
+        buffer_size: steps that the replay buffer holds, over all environments.
+        learning_starts: steps, over all environments, with random actions before the first update.
+        batch_size: samples of an update.
+        tau: share by which target critics move towards their critics at a time.
+        gamma: discount.
+        train_freq: steps of each environment between updates, or a pair like ``(2, "episode")``.
+        gradient_steps: updates at a time; -1 for as many as there were steps.
+        action_noise: noise added to actions; None for none.
+        replay_buffer_class: must be None: the streams need a buffer of their own.
+        replay_buffer_kwargs: further arguments of that buffer; ``n_streams`` is given by itself.
+        optimize_memory_usage: must be False: the buffer keeps next observations.
+        n_steps: must be 1: there are no returns of several steps.
+        ent_coef: temperature, the weight of the entropy; "auto" to learn it, "auto_0.1" to begin at 0.1.
+        target_update_interval: updates between those of the target critics.
+        target_entropy: entropy (nats) that a learned temperature steers to; "auto" for minus the number of actions.
+        use_sde: must be False: there is no state-dependent exploration (gSDE).
+        sde_sample_freq: without effect, as there is no gSDE.
+        use_sde_at_warmup: likewise.
+        stats_window_size: number of trials that logged returns average over.
+        tensorboard_log: folder for tensorboard's files; None for none.
+        policy_kwargs: arguments of the policy; ``n_streams`` is given by itself.
+        verbose: 0 for no output, 1 for information, 2 for debugging.
+        seed: seed of all random numbers; None for a random one.
+        device: where the networks are: "cpu", "cuda", …, or "auto".
+
+    Raises:
+        ValueError: an unknown loss, another policy than bilateral_rl's, observations that are not a Box, or an
+            argument that is not available.
     """
 
     POLICY_CLASS = BilateralSACPolicy
@@ -30,8 +78,79 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     policy: BilateralSACPolicy
     _CRITIC_LOSS = 0.5
 
+    def __init__(
+        self,
+        policy: str | type[BilateralSACPolicy],
+        env: GymEnv | str | None,
+        loss: Loss = "specialized",
+        weight_penalty: float = 0.001,
+        reward_scale: float = 1.0,
+        *,
+        critic_warm_up: int = 0,
+        learning_rate: float | Schedule = 3e-4,
+        buffer_size: int = 1_000_000,
+        learning_starts: int = 100,
+        batch_size: int = 256,
+        tau: float = 0.005,
+        gamma: float = 0.99,
+        train_freq: int | tuple[int, str] = 1,
+        gradient_steps: int = 1,
+        action_noise: ActionNoise | None = None,
+        replay_buffer_class: type[ReplayBuffer] | None = None,
+        replay_buffer_kwargs: dict[str, Any] | None = None,
+        optimize_memory_usage: bool = False,
+        n_steps: int = 1,
+        ent_coef: str | float = "auto",
+        target_update_interval: int = 1,
+        target_entropy: str | float = "auto",
+        use_sde: bool = False,
+        sde_sample_freq: int = -1,
+        use_sde_at_warmup: bool = False,
+        stats_window_size: int = 100,
+        tensorboard_log: str | None = None,
+        policy_kwargs: dict[str, Any] | None = None,
+        verbose: int = 0,
+        seed: int | None = None,
+        device: torch.device | str = "auto",
+        _init_setup_model: bool = True,
+    ) -> None:
+        super().__init__(
+            policy,
+            env,
+            loss=loss,
+            weight_penalty=weight_penalty,
+            reward_scale=reward_scale,
+            critic_warm_up=critic_warm_up,
+            learning_rate=learning_rate,
+            buffer_size=buffer_size,
+            learning_starts=learning_starts,
+            batch_size=batch_size,
+            tau=tau,
+            gamma=gamma,
+            train_freq=train_freq,
+            gradient_steps=gradient_steps,
+            action_noise=action_noise,
+            replay_buffer_class=replay_buffer_class,
+            replay_buffer_kwargs=replay_buffer_kwargs,
+            optimize_memory_usage=optimize_memory_usage,
+            n_steps=n_steps,
+            ent_coef=ent_coef,
+            target_update_interval=target_update_interval,
+            target_entropy=target_entropy,
+            use_sde=use_sde,
+            sde_sample_freq=sde_sample_freq,
+            use_sde_at_warmup=use_sde_at_warmup,
+            stats_window_size=stats_window_size,
+            tensorboard_log=tensorboard_log,
+            policy_kwargs=policy_kwargs,
+            verbose=verbose,
+            seed=seed,
+            device=device,
+            _init_setup_model=_init_setup_model,
+        )
+
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """Every trained parameter by owner; the log of the temperature is shared."""
+        """Return every trained parameter by owner; the log of the temperature is shared."""
         groups = super().parameter_groups()
         if self.log_ent_coef is not None:
             groups["shared"].append(self.log_ent_coef)  # type: ignore[arg-type] # SB3 holds it as a plain tensor
@@ -41,19 +160,23 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         return [*super()._optimizers(), *self._temperature_optimizers()]
 
     def _temperature_optimizers(self) -> list[torch.optim.Optimizer]:
+        """Return the temperature's optimizer, in a list that is empty if the temperature is given."""
         return [] if self.ent_coef_optimizer is None else [self.ent_coef_optimizer]
 
     def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
         actor = self.policy.actor
-        actions, log_prob = actor.action_log_prob(batch.observations)
+        actions, log_prob = actor.action_log_prob(batch.observations)  # (b, n_actions), (b,)
         ent_coef = self._temperature()
         with torch.no_grad():
+            # V_s(o') = min over the stream's target critics of Q'_s(o', a') - α log π(a'), a' a fresh sample.
             next_actions, next_log_prob = actor.action_log_prob(batch.next_observations)
             next_values = self._values(self.critic_target, batch.next_observations, next_actions).amin(dim=2)
-            next_values -= ent_coef * next_log_prob[:, None]
+            next_values -= ent_coef * next_log_prob[:, None]  # (b, n_streams)
         self._update_critics(batch, next_values, log)
-        values = self._values(self.critic, batch.observations, actions).amin(dim=2)
-        losses = (ent_coef * log_prob[:, None] - values).mean(dim=0)
+        # Loss of stream s: mean(α log π(a) - min over its critics of Q_s(o, a)), through the sampled action. Both
+        # streams have the whole entropy term: a hemisphere follows one stream, and what is shared half of each.
+        values = self._values(self.critic, batch.observations, actions).amin(dim=2)  # (b, n_streams)
+        losses = (ent_coef * log_prob[:, None] - values).mean(dim=0)  # (n_streams,)
         log["actor_loss"].append(losses.detach())
         log["train/ent_coef"].append(ent_coef.squeeze())
         log["train/entropy"].append(-log_prob.detach().mean())
@@ -65,10 +188,14 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             polyak_update(self.batch_norm_stats, self.batch_norm_stats_target, 1.0)
 
     def _temperature(self) -> Tensor:
+        """Return the temperature α, (1,) or (), without gradient."""
         return self.ent_coef_tensor if self.log_ent_coef is None else self.log_ent_coef.detach().exp()
 
     def _temperature_loss(self, log_prob: Tensor) -> Tensor:
-        """(): the same for every stream; zero if the temperature is given."""
+        """Return -log α · mean(log π(a) + target entropy), (), the same for every stream; zero for a given α.
+
+        It raises α while the policy's entropy, -mean log π(a), is below the target.
+        """
         if self.log_ent_coef is None:
             return log_prob.new_zeros(())
         assert isinstance(self.target_entropy, float)

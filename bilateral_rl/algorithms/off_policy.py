@@ -1,4 +1,4 @@
-"""What hemispheric SAC and TD3 have in common: stream rewards in the replay buffer, a routed actor, stream critics."""
+"""The base class of hemispheric SAC and TD3: stream rewards in the replay buffer, a routed actor, stream critics."""
 
 from __future__ import annotations
 
@@ -12,25 +12,18 @@ from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ContinuousCritic
-from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.type_aliases import GymEnv, ReplayBufferSamples
 from torch import Tensor, nn
 
-from bilateral_rl.algorithms.hemispheric import Hemispheric
+from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer
+from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
 from bilateral_rl.vocabulary import stream_mix
 
-Log = defaultdict[str, list[Tensor]]
-
 
 class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
-    """Stores a reward for each stream, trains critics for each, and routes what they say to the network.
-
-    Args:
-        *args: as for :class:`~bilateral_rl.algorithms.hemispheric.Hemispheric`.
-        critic_warm_up: updates of the critics before the first of the network. The cost of effort shows at once and
-            what movement is good for only later, so that a network that follows fresh critics learns to do nothing.
-        **kwargs: likewise.
+    """Stores a reward for each stream, trains critics for each, and routes their gradients to the network.
 
     Raises:
         ValueError: ``replay_buffer_class`` or ``n_steps``, besides what every hemispheric algorithm raises.
@@ -43,9 +36,11 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
     _CRITIC_LOSS = 1.0
     """Factor on the mean squared error of each critic, as in the SB3 parent."""
 
-    def __init__(self, *args: Any, critic_warm_up: int = 0, **kwargs: Any) -> None:
+    def __init__(
+        self, policy: str | type[MotorPolicy], env: GymEnv | str | None, *, critic_warm_up: int, **arguments: Any
+    ) -> None:
         self.critic_warm_up = critic_warm_up
-        super().__init__(*args, **kwargs)
+        super().__init__(policy, env, **arguments)
 
     def _setup_model(self) -> None:
         if self.replay_buffer_class not in (None, StreamReplayBuffer):
@@ -86,23 +81,31 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
 
     @abstractmethod
     def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
-        """One update of critics, network and targets."""
+        """Update critics, network and targets once."""
 
     def _optimizers(self) -> list[torch.optim.Optimizer]:
+        """Return all optimizers, which have one learning rate."""
         return [self.policy.actor.optimizer, self.critic.optimizer]
 
     def _values(self, critic: ContinuousCritic, observations: Tensor, actions: Tensor) -> Tensor:
-        """(b, n_streams, n_critics): what every critic of every stream says."""
-        values = torch.cat(critic(observations, actions), dim=1)
+        """Return the value that every critic of every stream gives to ``actions`` (b, n_actions).
+
+        Returns:
+            (b, n_streams, n_critics).
+        """
+        values = torch.cat(critic(observations, actions), dim=1)  # (b, n_streams · n_critics), stream by stream
         return values.reshape(len(values), self.policy.n_streams, -1)
 
     def _update_critics(self, batch: ReplayBufferSamples, next_values: Tensor, log: Log) -> None:
-        """One step of every critic towards its stream's reward and ``next_values`` (b, n_streams) behind it."""
-        target = batch.rewards + (1 - batch.dones) * self.gamma * next_values
-        values = self._values(self.critic, batch.observations, batch.actions)
-        loss = self._CRITIC_LOSS * (values - target[..., None]).square().mean(dim=0).sum(dim=1)
+        """Move every critic one step towards its stream's reward and discounted ``next_values`` (b, n_streams)."""
+        # Target of stream s: y_s = r_s + γ (1 - done) V_s(o'); all of its critics share it.
+        target = batch.rewards + (1 - batch.dones) * self.gamma * next_values  # (b, n_streams)
+        values = self._values(self.critic, batch.observations, batch.actions)  # (b, n_streams, n_critics)
+        loss = self._CRITIC_LOSS * (values - target[..., None]).square().mean(dim=0).sum(dim=1)  # (n_streams,)
         self.critic.optimizer.zero_grad()
-        loss.sum().backward()  # streams share no critic, but a features extractor before them, which gets half of each
+        # Streams share no critic, so that one backward pass of the sum routes each loss to its own critics. A features
+        # extractor before them all is shared: it gets half of each stream's gradient.
+        loss.sum().backward()
         for parameter in self.critic.features_extractor.parameters():
             if parameter.grad is not None:
                 parameter.grad /= self.policy.n_streams
@@ -111,7 +114,7 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         log["value"].append(values.detach().mean(dim=(0, 2)))
 
     def _update_network(self, losses: Tensor, others: Sequence[torch.optim.Optimizer] = ()) -> None:
-        """One step of the network, and of ``others``, along the routed gradients of the losses (n_streams,)."""
+        """Move the network, and what ``others`` optimize, one step along the losses' (n_streams,) routed gradients."""
         if self._n_updates <= self.critic_warm_up:
             return
         self._route(list(losses.unbind()), self._actor_groups)
@@ -126,7 +129,7 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
     # --- logs -------------------------------------------------------------------------------------------------------
 
     def dump_logs(self) -> None:
-        """SB3's log, and the mean return of each stream over the last trials."""
+        """Write SB3's log, and the mean return of each side over the last trials."""
         self._log_stream_returns()
         super().dump_logs()
 

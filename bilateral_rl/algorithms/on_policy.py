@@ -1,10 +1,9 @@
-"""What hemispheric PPO and A2C have in common: rollouts with streams, advantages by stream, one routed step."""
+"""The base class of hemispheric PPO and A2C: rollouts with streams, advantages by stream, one routed step."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -17,54 +16,56 @@ from stable_baselines3.common.utils import FloatSchedule, explained_variance
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
-from bilateral_rl.algorithms.hemispheric import Hemispheric
+from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.routing import clip_group_gradients
-from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRollout
+from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRolloutBuffer
 from bilateral_rl.policies import POLICY_ALIASES, BilateralActorCriticPolicy
 from bilateral_rl.vocabulary import stream_mix, stream_names
 
-Log = defaultdict[str, list[Tensor]]
+
+class _CutShort(NamedTuple):
+    """The ``m`` episodes that a time limit ended at one step."""
+
+    step: int
+    envs: list[int]
+    """The environments of the episodes."""
+    last_obs: NDArray[np.float32]
+    """(m, n_observed): the last observation of each episode."""
 
 
 class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
-    """Collects rollouts with a reward, a value and an advantage for each stream; subclasses train on them.
-
-    Attributes:
-        rollout: the last one.
-    """
+    """Collects rollouts with a reward, a value and an advantage for each stream; subclasses train on them."""
 
     POLICY_CLASS = BilateralActorCriticPolicy
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = dict(POLICY_ALIASES)
     policy: BilateralActorCriticPolicy
-    rollout: StreamRollout
+    rollout_buffer: StreamRolloutBuffer
     normalize_advantage: bool
 
     def _setup_model(self) -> None:
-        # SB3's own buffer is not used: keep it at one step.
-        n_steps, self.n_steps = self.n_steps, 1
+        # Models saved by version 0.1.0 name SB3's buffer, which they did not use.
+        if self.rollout_buffer_class not in (None, RolloutBuffer, StreamRolloutBuffer):
+            raise ValueError(f"{type(self).__name__} needs its own rollout buffer: leave rollout_buffer_class out.")
+        self.rollout_buffer_class = StreamRolloutBuffer
+        self.rollout_buffer_kwargs = self.rollout_buffer_kwargs | {"n_streams": len(stream_mix(self.loss))}
         super()._setup_model()
-        self.n_steps = n_steps
-        n_streams = len(stream_mix(self.loss))
-        self.rollout = StreamRollout(n_steps, self.n_envs, self.observation_space, self.action_space, n_streams)
-
-    def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "rollout"]
 
     # --- collecting -------------------------------------------------------------------------------------------------
 
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
     ) -> bool:
-        """Fill :attr:`rollout` with ``n_rollout_steps`` of every environment; False if the callback stopped it."""
+        """Fill ``rollout_buffer`` with ``n_rollout_steps`` of every environment; False if the callback stopped it."""
+        assert isinstance(rollout_buffer, StreamRolloutBuffer)
         self.policy.set_training_mode(False)
+        rollout_buffer.reset()
         callback.on_rollout_start()
-        rollout = self.rollout
-        cut_short: list[tuple[int, NDArray[np.intp], NDArray[np.float32]]] = []
+        cut_short: list[_CutShort] = []
         new_obs = self._last_obs
         assert isinstance(new_obs, np.ndarray)  # neither image nor dictionary spaces reach this policy
         for step in range(n_rollout_steps):
-            rollout.observations[step] = new_obs.reshape(env.num_envs, -1)
-            actions = self._act(step)
+            obs = new_obs.reshape(env.num_envs, -1).astype(np.float32, copy=False)
+            latent_actions, log_probs, actions = self._act(obs)
             step_obs, rewards, dones, infos = env.step(actions)
             assert isinstance(step_obs, np.ndarray)
             new_obs = step_obs
@@ -72,66 +73,72 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
-            rollout.rewards[step] = self._stream_rewards(env, infos)
-            rollout.dones[step] = dones
+            rollout_buffer.add(obs, latent_actions, self._stream_rewards(env, infos), dones, log_probs)
             if dones.any():
                 self._update_info_buffer(infos, dones)
-                truncated = np.array([i for i in np.flatnonzero(dones) if infos[i].get("TimeLimit.truncated")], int)
-                if len(truncated):
-                    last = np.stack([infos[i]["terminal_observation"] for i in truncated])
-                    cut_short.append((step, truncated, last.reshape(len(truncated), -1)))
+                if envs := [i for i in np.flatnonzero(dones).tolist() if infos[i].get("TimeLimit.truncated")]:
+                    last_obs = np.stack([infos[i]["terminal_observation"] for i in envs])
+                    cut_short.append(_CutShort(step, envs, last_obs.reshape(len(envs), -1)))
             self._last_obs = new_obs
             self._last_episode_starts = dones
-        self._evaluate_rollout(new_obs.reshape(env.num_envs, -1), cut_short)
+        self._evaluate_rollout(rollout_buffer, new_obs.reshape(env.num_envs, -1), cut_short)
         callback.update_locals(locals())
         callback.on_rollout_end()
         return True
 
     @torch.no_grad()
-    def _act(self, step: int) -> NDArray[np.float32]:
-        """Sample actions for ``rollout.observations[step]``, store what training needs, give the environment's."""
-        observations = torch.from_numpy(self.rollout.observations[step]).to(self.device)
-        mean = self.policy.action_mean(observations)
-        latent = torch.addcmul(mean, torch.randn_like(mean), self.policy.log_std.exp())
-        self.rollout.latent_actions[step] = latent.cpu().numpy()
-        self.rollout.log_prob[step] = gaussian_log_prob(latent, mean, self.policy.log_std).cpu().numpy()
-        actions = torch.tanh(latent).cpu().numpy().reshape(-1, *self.policy.action_space.shape)  # type: ignore[misc]
-        return self.policy.unscale_action(actions)
+    def _act(self, obs: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Sample actions for observations (n_envs, n_observed).
+
+        Returns:
+            the actions before their squashing (n_envs, n_actions), the log of their density (n_envs,), and the actions
+            of the environment, squashed and within its Box.
+        """
+        mean, log_std = self.policy.action_mean(torch.from_numpy(obs).to(self.device)), self.policy.log_std
+        latent = torch.addcmul(mean, torch.randn_like(mean), log_std.exp())
+        squashed = torch.tanh(latent).cpu().numpy().reshape(-1, *self.policy.action_space.shape)  # type: ignore[misc]
+        log_probs = gaussian_log_prob(latent, mean, log_std)
+        return latent.cpu().numpy(), log_probs.cpu().numpy(), self.policy.unscale_action(squashed)
 
     @torch.no_grad()
     def _evaluate_rollout(
-        self, last_obs: NDArray[np.float32], cut_short: list[tuple[int, NDArray[np.intp], NDArray[np.float32]]]
+        self, rollout_buffer: StreamRolloutBuffer, last_obs: NDArray[np.float32], cut_short: list[_CutShort]
     ) -> None:
-        """Values of everything seen, in one batch each; time limits bootstrap; then advantages and returns."""
-        rollout = self.rollout
-        observations = rollout.observations.reshape(-1, rollout.observations.shape[2])
-        rollout.values = self._values(observations).reshape(rollout.rewards.shape)
+        """Value every observation of the rollout in one batch; then compute its advantages and returns."""
+        observations = rollout_buffer.observations
+        values = self._values(observations.reshape(-1, observations.shape[2])).reshape(rollout_buffer.rewards.shape)
         if cut_short:
-            values = self._values(np.concatenate([last for _, _, last in cut_short]))
-            bounds = np.cumsum([len(envs) for _, envs, _ in cut_short])[:-1]
-            for (step, envs, _), value in zip(cut_short, np.split(values, bounds), strict=True):
-                rollout.rewards[step, envs] += self.gamma * value
-        rollout.finish(self._values(last_obs), self.gamma, self.gae_lambda)
+            # γ V(last observation) stands for the rewards that the time limit cut off.
+            cut_off = self._values(np.concatenate([ends.last_obs for ends in cut_short]))
+            bounds = np.cumsum([len(ends.envs) for ends in cut_short])[:-1]
+            for ends, value in zip(cut_short, np.split(cut_off, bounds), strict=True):
+                rollout_buffer.rewards[ends.step, ends.envs] += self.gamma * value
+        rollout_buffer.compute_returns_and_advantage(values, self._values(last_obs))
 
     def _values(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Map observations (n, n_observed) to the values of the streams (n, n_streams)."""
         values = self.policy.predict_stream_values(torch.from_numpy(observations).to(self.device))
         return values.cpu().numpy()  # type: ignore[no-any-return]
 
     # --- training ---------------------------------------------------------------------------------------------------
 
     def _log_prob(self, batch: StreamBatch) -> Tensor:
-        """(b,): log density of the batch's actions before their squashing, under the present policy."""
+        """Return the log density (b,) of the batch's actions before their squashing, under the present policy."""
         return gaussian_log_prob(batch.latent_actions, self.policy.action_mean(batch.observations), self.policy.log_std)
 
     def _advantages(self, batch: StreamBatch) -> Tensor:
-        """(b, n_streams): each stream's by itself normalized, if wanted."""
+        """Return the advantages (b, n_streams); if they are to be normalized, each stream's by themselves."""
         advantages = batch.advantages
         if self.normalize_advantage and len(advantages) > 1:
             advantages = (advantages - advantages.mean(dim=0)) / (advantages.std(dim=0) + 1e-8)
         return advantages
 
     def _stream_losses(self, policy_loss: Tensor, value_loss: Tensor, log: Log) -> list[Tensor]:
-        """Each stream's whole loss from its parts (n_streams,)."""
+        """Add up each stream's loss from its parts (n_streams,).
+
+        Every stream's loss has the whole entropy bonus: it moves nothing but the standard deviation, which is shared
+        and so gets half of each stream's gradient.
+        """
         log["policy_loss"].append(policy_loss.detach())
         log["value_loss"].append(value_loss.detach())
         loss = policy_loss + self.vf_coef * value_loss
@@ -141,7 +148,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         return list(loss.unbind())
 
     def _step(self, losses: list[Tensor], log: Log) -> None:
-        """One update from the streams' losses."""
+        """Update every parameter once from the streams' losses."""
         self._route(losses, self._groups)
         norms = clip_group_gradients(self._groups, self.max_grad_norm)
         self.policy.optimizer.step()
@@ -150,20 +157,22 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             log[f"gradient_norm_clipped/{name}"].append(after)
 
     def _present_ent_coef(self) -> float:
+        """Return the weight of the entropy bonus at the present progress."""
         return FloatSchedule(self.ent_coef)(self._current_progress_remaining)
 
     # --- logs -------------------------------------------------------------------------------------------------------
 
     def dump_logs(self, iteration: int = 0) -> None:
-        """SB3's log, and the mean return of each stream over the last trials."""
+        """Write SB3's log, and the mean return of each side over the last trials."""
         self._log_stream_returns()
         super().dump_logs(iteration)
 
     def _record(self, log: Log) -> None:
-        """Averages of the update, the streams of a quantity under one heading."""
+        """Log averages of the updates, the streams of a quantity under one heading."""
         record = self.logger.record
+        buffer = self.rollout_buffer
         for stream, name in enumerate(stream_names(self.loss)):
-            values, returns = self.rollout.values[..., stream].ravel(), self.rollout.returns[..., stream].ravel()
+            values, returns = buffer.values[..., stream].ravel(), buffer.returns[..., stream].ravel()
             record(f"explained_variance/{name}", float(explained_variance(values, returns)))
             record(f"value/{name}", float(values.mean()))
         self._log_averages(log)
@@ -173,11 +182,11 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
 
 
 def gaussian_entropy(log_std: Tensor) -> Tensor:
-    """Entropy of independent Gaussians (nats)."""
+    """Return the entropy (nats) of independent Gaussians, Σ (log σ + ½ log 2πe)."""
     return (log_std + 0.5 * math.log(2 * math.pi * math.e)).sum()
 
 
 def gaussian_log_prob(x: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
-    """(n,) log density of ``x`` (n, d) under independent Gaussians."""
+    """Return the log density (n,) of ``x`` (n, d) under independent Gaussians, Σ -½ ((x-μ)/σ)² - log σ - ½ log 2π."""
     constant = 0.5 * math.log(2 * math.pi) * x.shape[1]
     return -0.5 * (((x - mean) * (-log_std).exp()) ** 2).sum(dim=1) - log_std.sum() - constant

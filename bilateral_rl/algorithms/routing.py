@@ -1,4 +1,4 @@
-"""Which loss moves which parameters: the one routing rule of every training mode (paper section 5).
+"""Which loss moves which parameters, for networks that autograd differentiates (paper section 5).
 
 Both losses' gradients are computed in full, through both hemispheres, the callosum and whatever lies behind them, and
 only then selected: dominant ← dominant loss, non-dominant ← non-dominant loss, shared ← half of each.
@@ -14,8 +14,9 @@ from torch import Tensor, nn
 from bilateral_rl.vocabulary import Loss, group_shares, stream_mix
 
 Groups = Mapping[str, Sequence[nn.Parameter]]
+"""The parameters of each group."""
 Shares = Mapping[str, Sequence[float]]
-"""Per parameter group, how much of each stream's gradient it gets."""
+"""How much of each stream's gradient every parameter group gets."""
 
 
 def policy_shares(loss: Loss) -> dict[str, tuple[float, ...]]:

@@ -1,4 +1,4 @@
-"""A replay buffer with one reward per stream."""
+"""SB3's replay buffer with one reward per stream."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class StreamReplayBuffer(ReplayBuffer):
     """SB3's replay buffer, but rewards are (buffer_size, n_envs, n_streams) and are not normalized.
 
     Args:
-        *args: as for SB3's ``ReplayBuffer``.
-        n_streams: reward streams.
-        **kwargs: as for SB3's ``ReplayBuffer``.
+        *args: arguments of SB3's ``ReplayBuffer``.
+        n_streams: number of reward streams.
+        **kwargs: further arguments of SB3's ``ReplayBuffer``.
 
     Attributes:
-        next_rewards: (n_envs, n_streams), what the next ``add`` stores; the scalar reward it is given is ignored.
+        next_rewards: (n_envs, n_streams), the rewards that the next ``add`` stores; it ignores the scalar reward.
 
     Raises:
         ValueError: ``optimize_memory_usage``.
@@ -47,6 +47,7 @@ class StreamReplayBuffer(ReplayBuffer):
         super().add(obs, next_obs, action, self.next_rewards, done, infos)
 
     def _get_samples(self, batch_inds: NDArray[np.intp], env: VecNormalize | None = None) -> ReplayBufferSamples:
+        # The columns of SB3's samples, but for rewards (b, n_streams). A time limit is no end: the value goes on.
         envs = np.random.randint(0, self.n_envs, size=len(batch_inds))  # noqa: NPY002 - SB3's random stream
         ended = self.dones[batch_inds, envs] * (1 - self.timeouts[batch_inds, envs])
         columns = (

@@ -1,17 +1,16 @@
-"""Rollouts with one reward, value, advantage and return per stream."""
+"""SB3's rollout buffer with one reward, value, advantage and return per stream."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Generator
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
+from stable_baselines3.common.buffers import RolloutBuffer
 from torch import Tensor
-
-Float = NDArray[np.float32]
 
 
 class StreamBatch(NamedTuple):
@@ -32,9 +31,14 @@ class StreamBatch(NamedTuple):
 
 
 def generalized_advantages(
-    rewards: Float, values: Float, last_values: Float, dones: NDArray[np.bool_], gamma: float, gae_lambda: float
-) -> Float:
-    """Generalized advantage estimation (Schulman et al. 2016, arXiv 1506.02438), each stream by itself.
+    rewards: NDArray[np.float32],
+    values: NDArray[np.float32],
+    last_values: NDArray[np.float32],
+    dones: NDArray[np.bool_],
+    gamma: float,
+    gae_lambda: float,
+) -> NDArray[np.float32]:
+    """Return the generalized advantages (Schulman et al. 2016, arXiv 1506.02438) of each stream by itself.
 
     Args:
         rewards: (T, n_envs, n_streams); where a time limit ended an episode, the discounted value of its last
@@ -48,11 +52,13 @@ def generalized_advantages(
     Returns:
         (T, n_envs, n_streams).
     """
+    # Temporal difference  δ_t = r_t + γ (1 - done_t) V_{t+1} - V_t
+    # and advantage        A_t = δ_t + γ λ (1 - done_t) A_{t+1},  from the last step to the first.
     advantages = np.empty_like(rewards)
-    running = np.zeros_like(last_values)
-    next_values = last_values
+    running = np.zeros_like(last_values)  # A_{t+1}, (n_envs, n_streams)
+    next_values = last_values  # V_{t+1}
     for t in reversed(range(len(rewards))):
-        goes_on = (1.0 - dones[t].astype(np.float32))[:, None]
+        goes_on = (1.0 - dones[t].astype(np.float32))[:, None]  # (n_envs, 1): an episode ends for both streams
         delta = rewards[t] + gamma * goes_on * next_values - values[t]
         running = delta + gamma * gae_lambda * goes_on * running
         advantages[t] = running
@@ -60,49 +66,107 @@ def generalized_advantages(
     return advantages
 
 
-class StreamRollout:
-    """Storage for ``n_steps`` of ``n_envs`` environments.
+class StreamRolloutBuffer(RolloutBuffer):
+    """SB3's rollout buffer for rewards of several streams and actions stored before their squashing.
+
+    Three things differ from SB3's flow. Values are not added step by step but given at the end, since one batch of all
+    observations costs a fraction of ``buffer_size`` small ones. The ends of episodes are stored instead of the starts.
+    Minibatches come in the order of torch's random numbers, drawn on the device.
+
+    Args:
+        buffer_size: steps of each environment in a rollout.
+        observation_space: a Box; observations are stored flat.
+        action_space: a Box.
+        device: where minibatches are.
+        gae_lambda: trade-off of bias and variance of the advantages.
+        gamma: discount.
+        n_envs: number of environments.
+        n_streams: number of reward streams.
 
     Attributes:
-        observations: (n_steps, n_envs, n_observed) float32.
-        latent_actions: (n_steps, n_envs, n_actions) float32.
-        log_prob: (n_steps, n_envs) float32.
-        rewards, values, advantages, returns: (n_steps, n_envs, n_streams) float32.
-        dones: (n_steps, n_envs) bool.
+        observations: (buffer_size, n_envs, n_observed) float32.
+        latent_actions: (buffer_size, n_envs, n_actions) float32.
+        log_probs: (buffer_size, n_envs) float32.
+        rewards: (buffer_size, n_envs, n_streams) float32.
+        dones: (buffer_size, n_envs) bool.
+        values, advantages, returns: (buffer_size, n_envs, n_streams) float32, once they have been computed.
     """
+
+    latent_actions: NDArray[np.float32]
+    dones: NDArray[np.bool_]
 
     def __init__(
         self,
-        n_steps: int,
-        n_envs: int,
-        observation_space: spaces.Space[object],
-        action_space: spaces.Space[object],
-        n_streams: int,
+        buffer_size: int,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        device: torch.device | str = "auto",
+        gae_lambda: float = 1.0,
+        gamma: float = 0.99,
+        n_envs: int = 1,
+        n_streams: int = 1,
     ) -> None:
-        n_observed, n_actions = spaces.flatdim(observation_space), spaces.flatdim(action_space)
-        shape = (n_steps, n_envs)
-        self.observations = np.zeros((*shape, n_observed), dtype=np.float32)
-        self.latent_actions = np.zeros((*shape, n_actions), dtype=np.float32)
-        self.log_prob = np.zeros(shape, dtype=np.float32)
-        self.dones = np.zeros(shape, dtype=np.bool_)
+        super().__init__(buffer_size, observation_space, action_space, device, gae_lambda, gamma, n_envs)
+        shape = (buffer_size, n_envs)
+        self.observations = np.zeros((*shape, spaces.flatdim(observation_space)), dtype=np.float32)
+        self.latent_actions = np.zeros((*shape, self.action_dim), dtype=np.float32)
+        self.log_probs = np.zeros(shape, dtype=np.float32)
         self.rewards = np.zeros((*shape, n_streams), dtype=np.float32)
-        self.values = np.zeros_like(self.rewards)
-        self.advantages = np.zeros_like(self.rewards)
-        self.returns = np.zeros_like(self.rewards)
+        self.dones = np.zeros(shape, dtype=np.bool_)
 
-    def finish(self, last_values: Float, gamma: float, gae_lambda: float) -> None:
-        """Fill ``advantages`` and ``returns`` from rewards, values and dones."""
-        self.advantages = generalized_advantages(self.rewards, self.values, last_values, self.dones, gamma, gae_lambda)
-        self.returns = self.advantages + self.values
+    def reset(self) -> None:
+        """Start anew at the first step; SB3's buffer allocates all arrays again, this one overwrites them."""
+        self.pos, self.full = 0, False
 
-    def minibatches(self, batch_size: int, device: torch.device) -> Iterator[StreamBatch]:
-        """One pass over all samples in random order."""
-        n = self.log_prob.size
+    def add(  # type: ignore[override] # other columns, as the class says
+        self,
+        obs: NDArray[np.float32],
+        latent_actions: NDArray[np.float32],
+        rewards: NDArray[np.float32],
+        dones: NDArray[np.bool_],
+        log_probs: NDArray[np.float32],
+    ) -> None:
+        """Store one step of every environment.
+
+        Args:
+            obs: (n_envs, n_observed), the observations acted on.
+            latent_actions: (n_envs, n_actions), the actions before the squashing.
+            rewards: (n_envs, n_streams).
+            dones: (n_envs,), whether the step ended an episode.
+            log_probs: (n_envs,), Gaussian log probability of ``latent_actions``.
+        """
+        step = self.pos
+        self.observations[step] = obs
+        self.latent_actions[step] = latent_actions
+        self.rewards[step] = rewards
+        self.dones[step] = dones
+        self.log_probs[step] = log_probs
+        self.pos += 1
+        self.full = self.pos == self.buffer_size
+
+    def compute_returns_and_advantage(  # type: ignore[override] # values come at the end, as the class says
+        self, values: NDArray[np.float32], last_values: NDArray[np.float32]
+    ) -> None:
+        """Compute the advantages and returns of a full buffer.
+
+        Args:
+            values: (buffer_size, n_envs, n_streams), of the stored observations.
+            last_values: (n_envs, n_streams), of the observations after the last step.
+        """
+        self.values = values
+        self.advantages = generalized_advantages(
+            self.rewards, values, last_values, self.dones, self.gamma, self.gae_lambda
+        )
+        self.returns = self.advantages + values
+
+    def get(self, batch_size: int | None = None) -> Generator[StreamBatch, None, None]:  # type: ignore[override]
+        """Yield all samples once in random order, in minibatches of ``batch_size``, by default in one."""
+        n = self.buffer_size * self.n_envs
         columns = [
-            torch.from_numpy(array.reshape(n, *array.shape[2:])).to(device)
+            torch.from_numpy(array.reshape(n, *array.shape[2:])).to(self.device)
             for array in (
-                self.observations, self.latent_actions, self.log_prob, self.values, self.advantages, self.returns,
+                self.observations, self.latent_actions, self.log_probs, self.values, self.advantages, self.returns,
             )
         ]  # fmt: skip
-        for rows in torch.randperm(n, device=device).split(batch_size):
+        for rows in torch.randperm(n, device=self.device).split(batch_size or n):
             yield StreamBatch(*(column[rows] for column in columns))

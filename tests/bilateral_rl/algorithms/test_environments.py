@@ -14,9 +14,8 @@ pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
 
 def stored_rewards(model):
     """(n_steps, n_envs, n_streams): the rewards of the steps collected."""
-    return (
-        model.replay_buffer.rewards[: model.replay_buffer.pos] if type(model) in OFF_POLICY else model.rollout.rewards
-    )
+    buffer = model.replay_buffer if type(model) in OFF_POLICY else model.rollout_buffer
+    return buffer.rewards[: buffer.pos]
 
 
 def normalized(env):

@@ -43,7 +43,7 @@ def test_the_logged_clip_fraction_and_divergence_are_those_of_the_updates():
 def test_a_rollout_that_is_no_multiple_of_the_minibatch_is_used_to_its_end():
     with pytest.warns(UserWarning, match="mini-batch"):
         model = collect(make_model(HemisphericPPO, batch_size=60, n_epochs=1))
-    assert [len(batch.returns) for batch in model.rollout.minibatches(60, model.device)] == [60, 20]
+    assert [len(batch.returns) for batch in model.rollout_buffer.get(60)] == [60, 20]
     assert count_optimizer_steps(model) == 2
 
 

@@ -18,7 +18,6 @@ from hemispheric_models import (
     update,
     weights,
 )
-from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from bilateral_rl.algorithms import HemisphericSAC, HemisphericTD3
@@ -190,20 +189,6 @@ def test_targets_follow_by_tau(algorithm, tau):
             network = after[name.replace("_target", "")]
             torch.testing.assert_close(target, (1 - tau) * before[name] + tau * network, rtol=1e-5, atol=1e-7)
     assert any(name.startswith("actor_target") for name in after) == (algorithm is HemisphericTD3)
-
-
-@pytest.mark.parametrize("algorithm", OFF_POLICY)
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ({"replay_buffer_class": ReplayBuffer}, "replay_buffer_class"),
-        ({"n_steps": 3}, "n_steps"),
-        ({"optimize_memory_usage": True}, "optimize_memory_usage"),
-    ],
-)
-def test_other_replay_buffers_are_refused_by_name(algorithm, settings, says):
-    with pytest.raises(ValueError, match=f"leave {says} out"):
-        make_model(algorithm, **settings)
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)

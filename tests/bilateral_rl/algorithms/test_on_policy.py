@@ -27,13 +27,13 @@ def test_a_stream_without_advantages_moves_no_parameter_of_its_hemisphere(
     monkeypatch, algorithm, policy, silenced, stream
 ):
     model = make_model(algorithm, policy, weight_penalty=0.0, ent_coef=0.0)
-    finish = model.rollout.finish
+    compute = model.rollout_buffer.compute_returns_and_advantage
 
-    def finish_and_silence(*args):
-        finish(*args)
-        model.rollout.advantages[..., stream] = 0.0
+    def compute_and_silence(*args):
+        compute(*args)
+        model.rollout_buffer.advantages[..., stream] = 0.0
 
-    monkeypatch.setattr(model.rollout, "finish", finish_and_silence)
+    monkeypatch.setattr(model.rollout_buffer, "compute_returns_and_advantage", compute_and_silence)
     before, groups = weights(model), {group: set(names) for group, names in names_by_group(model).items()}
     model.learn(ROLLOUT)
     moved = changed(model, before)
@@ -46,7 +46,7 @@ def test_a_stream_without_advantages_moves_no_parameter_of_its_hemisphere(
 
 def test_each_streams_advantages_are_normalized_by_themselves(algorithm):
     model = collect(make_model(algorithm, normalize_advantage=True))
-    (batch,) = model.rollout.minibatches(ROLLOUT, model.device)
+    (batch,) = model.rollout_buffer.get(ROLLOUT)
     raw, normalized = batch.advantages, model._advantages(batch)
     assert (raw[:, 0].std() / raw[:, 1].std() - 1).abs() > 0.1, "the streams were meant to differ"
     torch.testing.assert_close(normalized.mean(dim=0), torch.zeros(2), rtol=0, atol=1e-5)

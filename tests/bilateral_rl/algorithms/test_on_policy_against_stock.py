@@ -69,7 +69,7 @@ def pair(algorithm, policy, loss, env=arm, **settings):
 def copy_rollout(model, stock):
     """Puts the model's rollout, of its first stream, into the stock one's buffer."""
     stock._setup_learn(ROLLOUT, None)
-    rollout, buffer = model.rollout, stock.rollout_buffer
+    rollout, buffer = model.rollout_buffer, stock.rollout_buffer
     starts = np.ones(model.n_envs)
     with torch.no_grad():
         for t in range(model.n_steps):
@@ -115,7 +115,7 @@ def test_with_one_stream_gradients_are_the_stock_ones(algorithm, policy, setting
 @cases
 def test_with_equal_streams_and_shared_parameters_gradients_are_the_stock_ones(algorithm, settings):
     ours, stock, model = compare(algorithm, "UnilateralPolicy", "specialized", equal_streams, **settings)
-    np.testing.assert_array_equal(model.rollout.advantages[..., 0], model.rollout.advantages[..., 1])
+    np.testing.assert_array_equal(model.rollout_buffer.advantages[..., 0], model.rollout_buffer.advantages[..., 1])
     for name, gradient in stock.items():
         torch.testing.assert_close(ours[name], gradient, **TOLERANCE, msg=lambda text, name=name: f"{name}: {text}")
     for name in filter(is_critic, stock):

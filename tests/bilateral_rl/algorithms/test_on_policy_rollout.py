@@ -11,7 +11,7 @@ from bilateral_rl.algorithms import HemisphericA2C
 from bilateral_rl.envs import ArmEnv, ArmVecEnv
 
 GAMMA, LAMBDA = 0.9, 0.8
-ROLLOUT_ARRAYS = ("observations", "latent_actions", "log_prob", "rewards", "values", "advantages", "returns", "dones")
+ROLLOUT_ARRAYS = ("observations", "latent_actions", "log_probs", "rewards", "values", "advantages", "returns", "dones")
 
 
 def brute_force_rollout(model, first, steps, loss, reward_scale):
@@ -56,7 +56,7 @@ def test_a_rollout_holds_the_advantages_of_a_brute_force_computation(algorithm, 
     settings = {"n_steps": n_steps, "gamma": GAMMA, "gae_lambda": LAMBDA, "reward_scale": 0.5}
     settings |= {} if algorithm is HemisphericA2C else {"batch_size": n_steps}
     model = collect(make_model(algorithm, env=env, loss=loss, **settings))
-    rollout = model.rollout
+    rollout = model.rollout_buffer
     advantages, values = brute_force_rollout(model, rollout.observations[0], env.steps, loss, reward_scale=0.5)
     assert any(step[2].any() for step in env.steps)
     np.testing.assert_allclose(rollout.values, values, rtol=1e-5, atol=1e-5)
@@ -76,16 +76,16 @@ def test_random_ends_cover_terminations_and_truncations():
 def test_a_second_rollout_goes_on_where_the_first_ended():
     env = Recorder(arm())
     model = make_model(HemisphericA2C, env=env).learn(160)
-    np.testing.assert_array_equal(model.rollout.observations[0], env.steps[19][0])
+    np.testing.assert_array_equal(model.rollout_buffer.observations[0], env.steps[19][0])
 
 
 def test_latent_actions_and_log_probs_are_the_policys():
     """Stored before the squashing; their Gaussian log probability, and SB3's of the squashed action."""
     model = collect(make_model(HemisphericA2C))
-    rollout, policy = model.rollout, model.policy
+    rollout, policy = model.rollout_buffer, model.policy
     latent = torch.from_numpy(rollout.latent_actions.reshape(-1, 6))
     observations = torch.from_numpy(rollout.observations.reshape(-1, 16))
-    log_prob = torch.from_numpy(rollout.log_prob.ravel())
+    log_prob = torch.from_numpy(rollout.log_probs.ravel())
     with torch.no_grad():
         mean = policy.motor_network(observations) / 2
         gaussian = torch.distributions.Normal(mean, policy.log_std.exp()).log_prob(latent).sum(dim=1)
@@ -101,6 +101,6 @@ def test_latent_actions_and_log_probs_are_the_policys():
 def test_ordinary_environments_give_the_rollout_of_the_batched_arm():
     """DummyVecEnv of ArmEnv, whose reward pairs come by info, and ArmVecEnv, on the same seeds."""
     ordinary = DummyVecEnv([lambda: Monitor(ArmEnv(trial_length=7)) for _ in range(4)])
-    rollouts = [collect(make_model(HemisphericA2C, env=env)).rollout for env in (ordinary, arm())]
+    rollouts = [collect(make_model(HemisphericA2C, env=env)).rollout_buffer for env in (ordinary, arm())]
     for name in ROLLOUT_ARRAYS:
         np.testing.assert_array_equal(*(getattr(rollout, name) for rollout in rollouts), err_msg=name)

@@ -71,7 +71,7 @@ def give_experience(model, other):
     if type(model) in OFF_POLICY:
         other.replay_buffer = model.replay_buffer
     else:
-        other.rollout = model.rollout
+        other.rollout_buffer = model.rollout_buffer
     other._current_progress_remaining = model._current_progress_remaining
 
 
@@ -143,7 +143,7 @@ def test_a_model_loads_onto_another_number_of_arms(tmp_path, algorithm):
     model = make_model(algorithm).learn(ROLLOUT)
     loaded = algorithm.load(saved(model, tmp_path), env=arm(n_envs=2), device="cpu")
     loaded.learn(ROLLOUT // 2)
-    rewards = loaded.replay_buffer.rewards if algorithm in OFF_POLICY else loaded.rollout.rewards
+    rewards = loaded.replay_buffer.rewards if algorithm in OFF_POLICY else loaded.rollout_buffer.rewards
     assert rewards.shape[1:] == (2, 2)
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3.common.buffers import RolloutBuffer
 
-from bilateral_rl.algorithms.stream_rollout import StreamRollout, generalized_advantages
+from bilateral_rl.algorithms.stream_rollout import StreamRolloutBuffer, generalized_advantages
 
 OBSERVATIONS, ACTIONS = spaces.Box(-1.0, 1.0, (4,)), spaces.Box(-1.0, 1.0, (2,))
 
@@ -82,9 +82,15 @@ def test_advantages_are_the_sums_of_temporal_differences_stream_by_stream(episod
 def test_one_stream_gets_the_advantages_and_returns_of_sb3s_buffer(episode, gamma, gae_lambda):
     n_steps, n_envs, n_streams = episode["values"].shape
     rewards, dones = bootstrapped_rewards(episode, gamma), episode["ends"] != "no"
-    rollout = StreamRollout(n_steps, n_envs, OBSERVATIONS, ACTIONS, n_streams)
-    rollout.rewards[:], rollout.values[:], rollout.dones[:] = rewards, episode["values"], dones
-    rollout.finish(episode["last_values"], gamma, gae_lambda)
+    rollout = StreamRolloutBuffer(
+        n_steps, OBSERVATIONS, ACTIONS, "cpu", gae_lambda, gamma, n_envs=n_envs, n_streams=n_streams
+    )
+    nothing, log_probs = np.zeros((n_envs, 4), dtype=np.float32), np.zeros(n_envs, dtype=np.float32)
+    for step in range(n_steps):
+        assert not rollout.full
+        rollout.add(nothing, nothing[:, :2], rewards[step], dones[step], log_probs)
+    assert rollout.full
+    rollout.compute_returns_and_advantage(episode["values"], episode["last_values"])
     for stream in range(n_streams):
         buffer = RolloutBuffer(n_steps, OBSERVATIONS, ACTIONS, "cpu", gae_lambda, gamma, n_envs)
         buffer.rewards[:], buffer.values[:] = rewards[..., stream], episode["values"][..., stream]
@@ -96,9 +102,10 @@ def test_one_stream_gets_the_advantages_and_returns_of_sb3s_buffer(episode, gamm
 
 def numbered_rollout(n_steps=7, n_envs=3, n_streams=2):
     """A rollout whose every number tells the sample it belongs to and its column."""
-    rollout = StreamRollout(n_steps, n_envs, OBSERVATIONS, ACTIONS, n_streams)
+    rollout = StreamRolloutBuffer(n_steps, OBSERVATIONS, ACTIONS, "cpu", n_envs=n_envs, n_streams=n_streams)
     sample = np.arange(n_steps * n_envs, dtype=np.float32).reshape(n_steps, n_envs)
-    rollout.log_prob[:] = sample
+    rollout.log_probs[:] = sample
+    rollout.values, rollout.advantages, rollout.returns = (np.zeros_like(rollout.rewards) for _ in range(3))
     names = ("observations", "latent_actions", "values", "advantages", "returns")
     for offset, name in enumerate(names, start=1):
         array = getattr(rollout, name)
@@ -108,7 +115,7 @@ def numbered_rollout(n_steps=7, n_envs=3, n_streams=2):
 
 @pytest.mark.parametrize("batch_size", [1, 4, 21, 64])
 def test_minibatches_hold_every_sample_once_with_its_own_numbers(batch_size):
-    batches = list(numbered_rollout().minibatches(batch_size, torch.device("cpu")))
+    batches = list(numbered_rollout().get(batch_size))
     samples = torch.cat([batch.old_log_prob for batch in batches])
     assert sorted(samples.tolist()) == list(range(21))
     assert [len(batch.old_log_prob) for batch in batches[:-1]] == [batch_size] * (len(batches) - 1)
@@ -121,6 +128,6 @@ def test_minibatches_hold_every_sample_once_with_its_own_numbers(batch_size):
 
 def test_each_pass_shuffles_anew():
     rollout = numbered_rollout()
-    passes = [next(rollout.minibatches(21, torch.device("cpu"))).old_log_prob for _ in range(2)]
+    passes = [next(rollout.get(21)).old_log_prob for _ in range(2)]
     assert not torch.equal(passes[0], torch.arange(21.0))
     assert not torch.equal(passes[0], passes[1])

@@ -84,7 +84,7 @@ UNUSUAL = {
 
 def as_built(algorithm):
     """The hyperparameters of an algorithm, by their names in configurations, where they are not attributes of it."""
-    on_policy = hasattr(algorithm, "rollout")
+    on_policy = hasattr(algorithm, "rollout_buffer")
     values = {"learning_rate": algorithm.lr_schedule(1.0), "final_learning_rate": algorithm.lr_schedule(0.0)}
     if on_policy:
         values |= {"ent_coef": algorithm.ent_coef(1.0), "final_ent_coef": algorithm.ent_coef(0.0)}

@@ -160,7 +160,9 @@ def test_monitor_rows_are_plain_numbers(run):
 @pytest.mark.parametrize(("n_envs", "parts"), [(20, [1000]), (101, [5050]), (103, [2575, 2575]), (7, [350])])
 def test_a_rollout_is_split_into_few_and_equal_minibatches_without_a_warning(small, n_envs, parts, recwarn):
     algorithm = build_algorithm(with_values(small, n_envs=n_envs, ppo={"batch_size": 5120}))
-    assert [len(b.returns) for b in algorithm.rollout.minibatches(algorithm.batch_size, algorithm.device)] == parts
+    buffer = algorithm.rollout_buffer
+    buffer.compute_returns_and_advantage(buffer.rewards, buffer.rewards[0])
+    assert [len(batch.returns) for batch in buffer.get(algorithm.batch_size)] == parts
     assert not [w for w in recwarn if "mini-batch" in str(w.message)]
 
 
