@@ -21,11 +21,24 @@ class TrialMeasures(NamedTuple):
     """(n,): whether the hand came within the threshold and stayed for three consecutive steps."""
     speed_to_goal: NDArray[np.float64]
     """(n,): start-target distance (m) over the steps until the goal was reached, the first of those three steps
-    counted; nan where it never was."""
+    counted; NaN where it never was."""
     time_in_goal: NDArray[np.int64]
     """(n,): steps within the threshold."""
     final_error: NDArray[np.float64]
     """(n,): distance to the target after the last step (m)."""
+
+    def means(self) -> dict[str, float]:
+        """Return the means over the trials in the units that people read: percent, cm, steps.
+
+        The speed is the mean over the trials that reached the goal, NaN if none did.
+        """
+        reached = self.speed_to_goal[self.goal_completion]
+        return {
+            "goal_completion_percent": 100 * float(self.goal_completion.mean()),
+            "speed_to_goal_cm_per_step": 100 * float(reached.mean()) if len(reached) else float("nan"),
+            "time_in_goal_steps": float(self.time_in_goal.mean()),
+            "final_error_cm": 100 * float(self.final_error.mean()),
+        }
 
 
 def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: float) -> TrialMeasures:

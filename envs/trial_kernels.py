@@ -4,17 +4,12 @@ from typing import Any
 
 import warp as wp
 
-from bilateral_rl.envs.arm.muscles import muscle_functions
+from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, proprioception, resting_muscles
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
-from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, arm_physics
-from bilateral_rl.envs.reward import loss_terms, weight_rows
+from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, arm_types, hand, next_joint
+from bilateral_rl.envs.reward import step_terms, weight_rows
 
-_real = wp.float32
-_physics, _muscles = arm_physics(_real), muscle_functions(_real)
-Parameters, vec2, vec4, vec6, rows = _physics.Parameters, _physics.vec2, _physics.vec4, _physics.vec6, _muscles.rows
-_hand, _next_joint = _physics.hand, _physics.next_joint
-_proprioception, _step_terms = _muscles.proprioception, loss_terms(_real).step_terms
-_muscle_torque, _muscles_at, _activate = _muscles.muscle_torque, _muscles.muscles_at, _muscles.activate
+_, vec2, vec4, vec6, rows, Parameters = arm_types(wp.float32)
 
 N_SENSED = 2 * N_MUSCLES + 2
 """Numbers that the arm senses: muscle lengths, muscle velocities, hand x and y."""
@@ -49,24 +44,24 @@ class TrialArrays:
 
 @wp.func
 def hand_position(p: Parameters, joint: vec4) -> vec2:
-    """Hand x, y (m)."""
-    cartesian = _hand(p, joint)
+    """Return hand x, y (m)."""
+    cartesian = hand(p, joint)
     return vec2(cartesian[0], cartesian[1])
 
 
 @wp.func
-def sense(p: Parameters, s: TrialArrays, arm: int, slot: int):
+def sense(p: Parameters, s: TrialArrays, arm: int, slot: int) -> None:
     """Write what arm ``arm`` senses now into ``slot`` of its ring."""
-    felt = _proprioception(p, s.muscle[arm])
+    sensed_now = proprioception(p, s.muscle[arm])
     row = s.clock[arm] % s.noise.shape[1]
     for k in range(2 * N_MUSCLES):
-        s.sensed[arm, slot, k] = felt[k] + s.noise[arm, row, k]
+        s.sensed[arm, slot, k] = sensed_now[k] + s.noise[arm, row, k]
     for axis in range(2):
         s.sensed[arm, slot, 2 * N_MUSCLES + axis] = s.hand[arm][axis] + s.noise[arm, row, 2 * N_MUSCLES + axis]
 
 
 @wp.func
-def observe(s: TrialArrays, arm: int, slot: int):
+def observe(s: TrialArrays, arm: int, slot: int) -> None:
     """Write the observation from ``slot`` of the ring, kept within the observation space."""
     for k in range(N_SENSED):
         s.observation[arm, k] = wp.clamp(s.sensed[arm, slot, k], s.observation_low[k], s.observation_high[k])
@@ -82,31 +77,28 @@ def start_trials(
     start: wp.array(dtype=vec2),
     goal: wp.array(dtype=vec2),
     load: wp.array(dtype=vec2),
-):
+) -> None:
     """Put ``arms`` at rest at the start postures, with targets at the goal postures' hand positions."""
     i = wp.tid()
     arm = arms[i]
     joint = vec4(start[i][0], start[i][1], 0.0, 0.0)
-    hand = hand_position(p, joint)
+    position = hand_position(p, joint)
     target = hand_position(p, vec4(goal[i][0], goal[i][1], 0.0, 0.0))
-    activation = vec6()
-    for m in range(N_MUSCLES):
-        activation[m] = p.min_activation
     s.clock[arm] = 0
     s.joint[arm] = joint
-    s.muscle[arm] = _muscles_at(p, joint, activation)
-    s.hand[arm] = hand
+    s.muscle[arm] = resting_muscles(p, joint)
+    s.hand[arm] = position
     s.target[arm] = target
     s.load[arm] = load[i]
     s.vector_return[arm] = vec2(0.0, 0.0)
-    s.start_distance[arm] = wp.length(hand - target)
+    s.start_distance[arm] = wp.length(position - target)
     for slot in range(s.sensed.shape[1]):
         sense(p, s, arm, slot)
     observe(s, arm, 0)
 
 
 @wp.kernel(module="bilateral_rl.trials", enable_backward=False)
-def step_trials(p: Parameters, weights: weight_rows, action: wp.array(dtype=vec6), s: TrialArrays):
+def step_trials(p: Parameters, weights: weight_rows, action: wp.array(dtype=vec6), s: TrialArrays) -> None:
     """One step of every arm: actions in [-1, 1] become excitations in [0, 1]."""
     arm = wp.tid()
     clock = s.clock[arm]
@@ -116,17 +108,17 @@ def step_trials(p: Parameters, weights: weight_rows, action: wp.array(dtype=vec6
     for m in range(N_MUSCLES):
         excitation[m] = 0.5 * (wp.clamp(action[arm][m], -1.0, 1.0) + 1.0)
         driven[m] = excitation[m] + s.noise[arm, noise_row, N_SENSED + m]
-    here = s.joint[arm]
+    before = s.joint[arm]
     muscle = s.muscle[arm]
-    there = _next_joint(p, here, _muscle_torque(p, here, muscle[FORCE]), s.load[arm])
-    s.joint[arm] = there
-    s.muscle[arm] = _muscles_at(p, here, _activate(p, muscle[ACTIVATION], driven))
-    hand = hand_position(p, there)
-    s.hand[arm] = hand
+    after = next_joint(p, before, muscle_torque(p, before, muscle[FORCE]), s.load[arm])
+    s.joint[arm] = after
+    s.muscle[arm] = muscles_at(p, before, activate(p, muscle[ACTIVATION], driven))
+    position = hand_position(p, after)
+    s.hand[arm] = position
     s.clock[arm] = clock + 1
 
-    error = hand - s.target[arm]
-    reward = -(weights * _step_terms(error, excitation))
+    error = position - s.target[arm]
+    reward = -(weights * step_terms(error, excitation))
     s.excitation[arm] = excitation
     s.vector_reward[arm] = reward
     s.reward[arm] = 0.5 * (reward[0] + reward[1])

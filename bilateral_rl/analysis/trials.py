@@ -57,14 +57,8 @@ class TrialRecord:
 
     def summary(self, radius: float) -> dict[str, float]:
         """Return means over the trials at a goal of ``radius`` (m), in people's units: percent, cm, steps."""
-        measures = trial_measures(self.distance, self.start_distance, radius)
-        reached = measures.speed_to_goal[measures.goal_completion]
         dominant, non_dominant = self.vector_return.mean(axis=0)
-        return {
-            "goal_completion_percent": 100 * float(measures.goal_completion.mean()),
-            "speed_to_goal_cm_per_step": 100 * float(reached.mean()) if len(reached) else float("nan"),
-            "time_in_goal_steps": float(measures.time_in_goal.mean()),
-            "final_error_cm": 100 * float(measures.final_error.mean()),
+        return trial_measures(self.distance, self.start_distance, radius).means() | {
             "return_dominant": float(dominant),
             "return_non_dominant": float(non_dominant),
         }

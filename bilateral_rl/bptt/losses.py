@@ -7,29 +7,30 @@ from torch import Tensor
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.rollout import Rollout, TrajectoryGradients
+from bilateral_rl.bptt.rollout_arrays import RolloutSize
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import LENGTH, VELOCITY
 from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES, Loss, Penalty, stream_mix, stream_penalties
 
 _RATE_WEIGHT = 0.05
-"""Weight of the mean squared rate of change in the last two kinds."""
+"""Weight of the mean squared rate of change in the penalties of kinds ``activity`` and ``released``."""
 
 
 class StreamLosses:
-    """One loss for each stream of a model, of each of the stacked networks.
+    """The loss of each stream of a model, for every network of a stack.
 
     Args:
         loss: what trains the model.
         penalty: kind of the weight penalty.
-        coefficient: of the penalty.
-        layout: of the networks.
-        arm: whose steps they move.
+        coefficient: the penalty's coefficient λ.
+        layout: layout of the networks' parameters.
+        arm: the arm that they move, for the units of what a penalty is taken of.
 
     Attributes:
         n_streams: 2 for a specialized model, else 1.
-        term_weights: (streams, 3), of the means of a step's terms.
-        penalty_weights: of the penalty in each stream.
-        weight_decay: per stream, the factor of a weight in the gradient: of kind ``weights``, else 0.
+        term_weights: (streams, 3), weights of the means of the three terms of a step.
+        penalty_weights: weight of the penalty in each stream.
+        weight_decay: per stream, the factor of a weight in its gradient: not 0 for a penalty of kind ``weights`` only.
     """
 
     def __init__(self, loss: Loss, penalty: Penalty, coefficient: float, layout: Layout, arm: ArmParameters) -> None:
@@ -43,18 +44,22 @@ class StreamLosses:
 
     @property
     def watches_state(self) -> bool:
-        """Whether a gradient with respect to states is needed."""
+        """Whether a loss depends on states in another way than by the terms of the steps."""
         return self._has_penalty and self.penalty == "released"
 
     @property
     def watches_activity(self) -> bool:
-        """Whether a gradient with respect to hidden activity is needed."""
+        """Whether a loss depends on hidden activity in another way than by the excitation."""
         return self._has_penalty and self.penalty == "activity"
 
+    def rollout_size(self, n_networks: int, n_trials: int, n_steps: int) -> RolloutSize:
+        """Return the size of a rollout that gives the gradients of these losses."""
+        return RolloutSize(n_networks, n_trials, n_steps, self.n_streams, self.watches_state, self.watches_activity)
+
     def values(self, rollout: Rollout) -> Tensor:
-        """(streams, S) float64: the losses of what ``rollout`` last did."""
+        """Return the losses (streams, S) float64 of the rollout's last forward pass."""
         # Network by network: a reduction over the stack may round otherwise for another number of networks.
-        means = torch.stack([terms.flatten(0, 1).mean(0, dtype=torch.float64) for terms in rollout.terms])
+        means = torch.stack([terms.flatten(0, 1).mean(0, dtype=torch.float64) for terms in rollout.terms])  # (S, 3)
         values = self.term_weights.to(means) @ means.t()
         if self._has_penalty:
             penalties = torch.stack([self._penalty(rollout, s) for s in range(rollout.size.n_networks)])
@@ -62,64 +67,69 @@ class StreamLosses:
         return values
 
     def gradient(self, rollout: Rollout) -> Tensor:
-        """(streams, S, width): their gradients, but for the share of ``weight_decay``."""
+        """Return their gradients (streams, S, width), but for those of ``weight_decay``, which the optimizer adds."""
         samples = rollout.size.n_trials * rollout.size.n_steps
-        return rollout.backward(self.term_weights.to(rollout.weights) / samples, self._seeds(rollout))
+        return rollout.backward(self.term_weights.to(rollout.weights) / samples, self._penalty_gradients(rollout))
 
     def _penalty(self, rollout: Rollout, s: int) -> Tensor:
-        """The penalty, unweighted, of network ``s``."""
+        """Return the penalty of network ``s``, not yet weighted by stream: a number, float64."""
         if self.penalty == "weights":
             return self.coefficient * 0.5 * rollout.weights[s].square().sum(dtype=torch.float64)
         sizes = [_size_and_rate(x, self._arm.timestep) for x in self._penalized(rollout, s)]
         return self.coefficient * torch.stack([size + _RATE_WEIGHT * rate for size, rate in sizes]).sum()
 
     def _penalized(self, rollout: Rollout, s: int) -> list[Tensor]:
-        """What the penalty of kind ``activity`` or ``released`` is taken of, each (B, T, …)."""
+        """Return what a penalty of kind ``activity`` or ``released`` is taken of in network ``s``, each (B, T, …)."""
         n_layers = self._layout.shape.layers * self._layout.shape.sides
         if self.penalty == "activity":
             return [rollout.hidden[s, :, :, layer] for layer in range(n_layers)]
         lengths, velocities = (rollout.muscle[s, :, :, row] / norm for row, norm in self._sensed(rollout))
-        felt = torch.cat([lengths, velocities], dim=-1)
-        return [rollout.joint[s], rollout.muscle[s], felt, rollout.hand[s]][:n_layers]
+        proprioception = torch.cat([lengths, velocities], dim=-1)
+        # The released code pairs the first outputs of its network with the hidden layers: only that many are penalized.
+        return [rollout.joint[s], rollout.muscle[s], proprioception, rollout.hand[s]][:n_layers]
 
     def _sensed(self, rollout: Rollout) -> list[tuple[int, Tensor]]:
-        """The rows of the muscle state that are felt, and their norms."""
+        """Return the sensed rows of the muscle state, and the (6,) by which each is divided to be sensed."""
         optimal = rollout.muscle.new_tensor(self._arm.optimal_muscle_length)
         return [(LENGTH, optimal), (VELOCITY, self._arm.normalized_max_velocity * optimal)]
 
-    def _seeds(self, rollout: Rollout) -> TrajectoryGradients:
-        """Gradients of the penalty with respect to trajectories, for each stream."""
+    def _penalty_gradients(self, rollout: Rollout) -> TrajectoryGradients:
+        """Return each stream's gradients of the penalty with respect to trajectories; none for kind ``weights``."""
         if not self.watches_state and not self.watches_activity:
             return TrajectoryGradients()
         per_network = [
             [_size_and_rate_gradient(x, self._arm.timestep) for x in self._penalized(rollout, s)]
             for s in range(rollout.size.n_networks)
         ]
-        parts = [torch.stack(part) for part in zip(*per_network, strict=True)]
+        parts = [torch.stack(part) for part in zip(*per_network, strict=True)]  # each (S, B, T, …)
         scales = rollout.terms.new_tensor(self.penalty_weights) * self.coefficient
 
-        def of_streams(part: Tensor) -> Tensor:
+        def by_stream(part: Tensor) -> Tensor:
+            """(streams, S, B, T, …): the gradient times each stream's weight of the penalty."""
             return scales.view(-1, *[1] * part.ndim) * part
 
         if self.penalty == "activity":
-            return TrajectoryGradients(hidden=of_streams(torch.stack(parts, dim=3)))
+            return TrajectoryGradients(hidden=by_stream(torch.stack(parts, dim=3)))
         parts += [torch.zeros_like(x) for x in (rollout.joint, rollout.muscle)][len(parts) :]
         joint, muscle = parts[:2]
         if len(parts) > 2:
-            for (row, norm), of_felt in zip(self._sensed(rollout), parts[2].chunk(2, dim=-1), strict=True):
-                muscle[:, :, :, row] += of_felt / norm
-        hand = of_streams(parts[3]) if len(parts) > 3 else None
-        return TrajectoryGradients(joint=of_streams(joint), muscle=of_streams(muscle), hand=hand)
+            for (row, norm), gradient in zip(self._sensed(rollout), parts[2].chunk(2, dim=-1), strict=True):
+                muscle[:, :, :, row] += gradient / norm
+        hand = by_stream(parts[3]) if len(parts) > 3 else None
+        return TrajectoryGradients(joint=by_stream(joint), muscle=by_stream(muscle), hand=hand)
 
 
 def _size_and_rate(x: Tensor, dt: float) -> tuple[Tensor, Tensor]:
-    """Mean x² and mean ẋ² of ``x`` (B, T, …)."""
+    """Return mean x² and mean ẋ² of ``x`` (B, T, …), with ẋ in units per second."""
     rate = x.diff(dim=1) / dt
     return x.square().mean(dtype=torch.float64), rate.square().mean(dtype=torch.float64)
 
 
 def _size_and_rate_gradient(x: Tensor, dt: float) -> Tensor:
-    """Gradient of mean x² + 0.05 · mean ẋ² with respect to ``x`` (B, T, …)."""
+    """Return the gradient of mean x² + 0.05 · mean ẋ² with respect to ``x``, both (B, T, …).
+
+    A difference x[t] − x[t − 1] pulls x[t] one way and x[t − 1] the other.
+    """
     gradient = x * (2.0 / x.numel())
     change = x.diff(dim=1)
     change *= 2.0 * _RATE_WEIGHT / (dt * dt * change.numel())

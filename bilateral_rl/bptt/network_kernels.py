@@ -1,11 +1,16 @@
-"""The networks of ``policies/networks.py`` as Warp functions for one trial, forward and adjoint.
+"""The networks of ``policies/networks.py`` as Warp functions for one sample, forward; ``network_adjoint.py`` goes back.
 
-A thread runs its trial's network inside its loop over the steps, where torch would pay for thirty small operations a
-step. The torch modules stay the definition: tests compare both, in every architecture, size and lesion.
+The torch modules stay the definition, and tests compare both, in every architecture, size and lesion. Why then twice:
+a thread runs its trial's network inside its loop over the steps, where torch would launch thirty operations a step on
+matrices too small to fill it. An update of ten seeds of ``cc_s`` written in stacked torch (``baddbmm``, around the same
+``Arm.step``, with both streams' gradients) takes 214 ms, and 75 ms by these kernels, on one thread: a factor of 2.8, or
+the whole study in one hour instead of three.
+
+These are made by functions of precision and shape, as Warp's structs have no generics and its vectors have lengths that
+must be known when they are compiled; with a shape known, a loop over its layers, sides and units is unrolled too.
 """
 
 import functools
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import warp as wp
@@ -13,7 +18,7 @@ import warp as wp
 from bilateral_rl.policies.networks import MotorNetwork
 
 INPUT_DOMINANT, INPUT_NON_DOMINANT, OUTPUT_DOMINANT, OUTPUT_NON_DOMINANT, CALLOSUM, N_GATES = range(6)
-"""What a lesion closes: gates are 1 where open, 0 where closed."""
+"""Gates of a network, each 1 where open and 0 where a lesion has closed it."""
 
 
 class NetworkShape(NamedTuple):
@@ -29,7 +34,7 @@ class NetworkShape(NamedTuple):
 
     @classmethod
     def of(cls, network: MotorNetwork) -> "NetworkShape":
-        """The shape of ``network``."""
+        """Return the shape of ``network``."""
         sides = 1 if network.architecture == "unilateral" else 2
         return cls(
             n_inputs=network.n_inputs,
@@ -41,37 +46,57 @@ class NetworkShape(NamedTuple):
         )
 
 
-@functools.cache
-def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
-    """Warp structs and functions of the networks of ``shape`` in precision ``real``.
+class NetworkTypes(NamedTuple):
+    """Warp's types for networks of one shape in one precision."""
 
-    ``excite`` computes a step's muscle excitation and remembers what ``excite_adjoint`` needs. Arrays are per network
-    ``s`` of a stack, and per sample ``k``, a step of a trial. A layer's last row of weights is its bias, and so what a
-    layer receives ends in a one: the gradient of a layer is one matrix product.
+    vec_in: Any
+    """(n_inputs,): an observation."""
+    vec_in_one: Any
+    """(n_inputs + 1,): an observation followed by a one."""
+    vec_out: Any
+    """(n_outputs,): an excitation."""
+    vec_side: Any
+    """(width,): activity of a layer of one side."""
+    vec_side_one: Any
+    """(width + 1,): such activity followed by a one."""
+    both: Any
+    """(sides, width): activity of a layer of every side."""
+    Weights: Any
+    """Struct, the parameters of a stack."""
+    Activity: Any
+    """Struct, what the forward pass remembers."""
+    Deltas: Any
+    """Struct, what the adjoint puts out."""
+
+
+@functools.cache
+def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
+    """Return the types of networks of ``shape`` in precision ``real`` (``wp.float32`` or ``wp.float64``).
+
+    Arrays are per network ``s`` of a stack of ``S``, and per sample ``k`` of ``n``, a step of a trial. A layer's last
+    row of weights is its bias, and so what a layer receives ends in a one: the gradient of a layer's weights, bias
+    included, is one product of matrices, what it received (n, width + 1) transposed times its deltas (n, width).
     """
-    n_inputs, n_outputs, width, layers, sides, callosal = shape
-    pooled = width // 2
-    kept = width - pooled
-    vec_in = wp.types.vector(n_inputs, real)
-    vec_in_one = wp.types.vector(n_inputs + 1, real)
-    vec_out = wp.types.vector(n_outputs, real)
-    vec_side = wp.types.vector(width, real)
-    vec_side_one = wp.types.vector(width + 1, real)
-    both = wp.types.matrix((sides, width), real)
+    vec_in = wp.types.vector(shape.n_inputs, real)
+    vec_in_one = wp.types.vector(shape.n_inputs + 1, real)
+    vec_out = wp.types.vector(shape.n_outputs, real)
+    vec_side = wp.types.vector(shape.width, real)
+    vec_side_one = wp.types.vector(shape.width + 1, real)
+    both = wp.types.matrix((shape.sides, shape.width), real)
 
     @wp.struct
     class Weights:
-        """Of ``S`` stacked networks."""
+        """Parameters of ``S`` stacked networks."""
 
         first: wp.array3d(dtype=vec_side)  # (S, sides, n_inputs + 1)
         hidden: wp.array3d(dtype=vec_side)  # (S, (layers - 1) * sides, width + 1)
-        combination: wp.array2d(dtype=real)  # (S, 2)
+        combination: wp.array2d(dtype=real)  # (S, 2), or (S, 0) of one side
         output: wp.array2d(dtype=vec_out)  # (S, width + 1)
         gates: wp.array2d(dtype=real)  # (S, N_GATES)
 
     @wp.struct
     class Activity:
-        """Of ``n`` samples."""
+        """What the networks did on ``n`` samples."""
 
         observation: wp.array(dtype=vec_in_one)  # (n,)
         received: wp.array2d(dtype=vec_side_one)  # (n, (layers - 1) * sides), after the exchange over the callosum
@@ -87,9 +112,20 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
         combination: wp.array3d(dtype=real)  # (streams, trials, 2), with respect to the weights, summed over steps
         activity: wp.array3d(dtype=vec_side)  # (streams, n, layers * sides) of a loss on hidden activity, or empty
 
+    return NetworkTypes(vec_in, vec_in_one, vec_out, vec_side, vec_side_one, both, Weights, Activity, Deltas)
+
+
+@functools.cache
+def network_forward(real: Any, shape: NetworkShape) -> Any:
+    """Return the Warp function ``excite`` of networks of ``shape`` in precision ``real``."""
+    vec_in, vec_in_one, vec_out, vec_side, vec_side_one, both, Weights, Activity, _ = network_types(real, shape)
+    n_inputs, n_outputs, width, layers, sides, callosal = shape
+    pooled = width // 2  # numbers that a side sends
+    kept = width - pooled  # units of a side that receive nothing
+
     @wp.func
     def tanh(x: vec_side) -> vec_side:
-        """By the exponential, which costs a quarter of the library's; within 2e-7 of it."""
+        """Return the tanh by the exponential, which costs a quarter of the library's; within 2e-7 of it."""
         y = vec_side()
         for i in range(width):
             y[i] = real(1.0) - real(2.0) / (wp.exp(real(2.0) * x[i]) + real(1.0))
@@ -97,6 +133,7 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
 
     @wp.func
     def followed_by_one(x: vec_side) -> vec_side_one:
+        """Return ``x`` with a one behind it, which the bias is multiplied by."""
         y = vec_side_one()
         for i in range(width):
             y[i] = x[i]
@@ -105,7 +142,12 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
 
     @wp.func
     def exchange(h: both, open: real) -> both:
-        """What both sides hold once each has received the other's pooled activity."""
+        """Return what both sides hold once each has received the other's pooled activity through the callosum.
+
+        A side sends the larger of each two neighbors, leaving out a last odd one, and adds what it receives to its last
+        units. With five units a side, what the dominant one holds: a b c d+max(v,w) e+max(x,y), where the other side is
+        v w x y z. Both send what they held before. ``open`` is 0 where the callosum is cut, else 1.
+        """
         received = both(h)
         for side in range(sides):
             for j in range(pooled):
@@ -114,21 +156,8 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
         return received
 
     @wp.func
-    def exchange_adjoint(h: both, open: real, gradient: both) -> both:
-        """The gradient with respect to ``h`` from that with respect to what was received."""
-        back = both(gradient)
-        for side in range(sides):
-            other = sides - 1 - side
-            for j in range(pooled):
-                sent = 2 * j
-                if h[other, 2 * j] < h[other, 2 * j + 1]:
-                    sent = 2 * j + 1
-                back[other, sent] = back[other, sent] + open * gradient[side, kept + j]
-        return back
-
-    @wp.func
     def excite(w: Weights, a: Activity, s: int, k: int, observation: vec_in) -> vec_out:
-        """The excitation that network ``s`` commands on sample ``k``."""
+        """Return the excitation that network ``s`` commands on sample ``k``; fills row ``k`` of ``a``."""
         remembered = vec_in_one()
         for i in range(n_inputs):
             remembered[i] = observation[i]
@@ -170,68 +199,4 @@ def network_functions(real: Any, shape: NetworkShape) -> SimpleNamespace:
             excitation[i] = real(1.0) / (real(1.0) + wp.exp(-drive_out[i]))
         return excitation
 
-    @wp.func
-    def excite_adjoint(
-        w: Weights,
-        a: Activity,
-        d: Deltas,
-        s: int,
-        k: int,
-        stream: int,
-        trial: int,
-        excitation: vec_out,
-        gradient: vec_out,
-    ) -> vec_in:
-        """The gradient with respect to the observation from that with respect to the excitation; fills ``d``."""
-        delta_out = vec_out()
-        for i in range(n_outputs):
-            delta_out[i] = gradient[i] * excitation[i] * (real(1.0) - excitation[i])
-        d.output[k, stream] = delta_out
-        of_combined = vec_side()
-        for i in range(width):
-            of_combined[i] = wp.dot(w.output[s, i], delta_out)
-        of_h = both()
-        for side in range(sides):
-            if sides == 2:
-                open = w.gates[s, OUTPUT_DOMINANT + side]
-                last = a.hidden[k, (layers - 1) * sides + side]
-                d.combination[stream, trial, side] = d.combination[stream, trial, side] + open * wp.dot(
-                    of_combined, last
-                )
-                of_h[side] = open * w.combination[s, side] * of_combined
-            else:
-                of_h[side] = of_combined
-        of_observation = vec_in()
-        for back in range(layers):
-            layer = layers - 1 - back
-            of_received = both()
-            for side in range(sides):
-                row = layer * sides + side
-                h = a.hidden[k, row]
-                of_active = of_h[side]
-                if d.activity.shape[1] > 0:
-                    of_active = of_active + d.activity[stream, k, row]
-                delta = vec_side()
-                for i in range(width):
-                    delta[i] = of_active[i] * (real(1.0) - h[i] * h[i])
-                d.hidden[k, stream, row] = delta
-                if layer > 0:
-                    for i in range(width):
-                        of_received[side, i] = wp.dot(w.hidden[s, row - sides, i], delta)
-                else:
-                    open_in = w.gates[s, INPUT_DOMINANT + side]
-                    for i in range(n_inputs):
-                        of_observation[i] += open_in * wp.dot(w.first[s, side, i], delta)
-            if layer > 0:
-                of_h = of_received
-                if callosal:
-                    sent = both()
-                    for side in range(sides):
-                        sent[side] = a.hidden[k, (layer - 1) * sides + side]
-                    of_h = exchange_adjoint(sent, w.gates[s, CALLOSUM], of_received)
-        return of_observation
-
-    return SimpleNamespace(
-        Weights=Weights, Activity=Activity, Deltas=Deltas, excite=excite, excite_adjoint=excite_adjoint,
-        vec_in=vec_in, vec_in_one=vec_in_one, vec_out=vec_out, vec_side=vec_side, vec_side_one=vec_side_one,
-    )  # fmt: skip
+    return excite

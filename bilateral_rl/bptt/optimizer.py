@@ -1,39 +1,52 @@
-"""One update of every stacked network, each by itself: routed gradients, clipped by variable, then Adam."""
+"""One update of every stacked network, each by itself: routed gradients, clipped by variable, then Adam.
 
-from __future__ import annotations
+The paper's optimizer (section 5) is Keras's, which is why torch's will not do: every kernel, bias and scalar is clipped
+by its own norm, and ε is added before the bias correction. A thread does one variable of one network from start to end,
+so that networks of a stack cannot influence each other, not even by the rounding of a sum.
+"""
 
+import functools
 import math
 from collections.abc import Collection
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 import warp as wp
 from torch import Tensor
 
 from bilateral_rl.bptt.losses import StreamLosses
-from bilateral_rl.bptt.optimizer_kernels import BETA_1, BETA_2, optimizer_kernels
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.envs.arm.warp_start import launch_place
 from bilateral_rl.vocabulary import Loss, group_shares
+
+BETA_1, BETA_2 = 0.9, 0.999
+
+
+class OptimizerKernels(NamedTuple):
+    """The two kernels of an update, for (networks, variables) threads."""
+
+    route: wp.Kernel
+    adam: wp.Kernel
 
 
 class StackedAdam:
     """The optimizer of a rollout's networks.
 
     Args:
-        rollout: whose weights it moves.
-        losses: that give the gradients.
-        loss: what trains the model: who gets which gradient.
-        learning_rate: of Adam.
-        epsilon: of Adam, as Keras adds it.
-        clip_norm: of each variable's gradient.
-        step: updates done before.
+        rollout: the rollout whose weights it moves.
+        losses: the losses that give the gradients.
+        loss: what trains the model, which decides how much of each stream's gradient a variable gets.
+        learning_rate: Adam's learning rate.
+        epsilon: Adam's ε, added where Keras adds it.
+        clip_norm: largest norm of a variable's gradient.
+        step: number of updates done before.
         trained: names of the variables that it moves; None for all.
 
     Attributes:
-        first, second: (S, width), Adam's moments.
+        first: (S, width), Adam's first moments.
+        second: (S, width), Adam's second moments.
         routed: (S, width), the last gradient, before its clipping.
-        norms: (S, variables), the norm of it in each variable.
+        norms: (S, variables), the norm of that gradient in each variable.
     """
 
     def __init__(
@@ -47,47 +60,108 @@ class StackedAdam:
         step: int = 0,
         trained: Collection[str] | None = None,
     ) -> None:
-        self._rollout, self._losses, self._layout = rollout, losses, rollout.layout
+        self._rollout, self._losses = rollout, losses
         self.learning_rate, self.epsilon, self.clip_norm, self.step_count = learning_rate, epsilon, clip_norm, step
         self.first, self.second, self.routed = (torch.zeros_like(rollout.weights) for _ in range(3))
-        variables = self._layout.variables
+        variables = rollout.layout.variables
         self.norms = rollout.weights.new_zeros(rollout.size.n_networks, len(variables))
         shares = group_shares(loss)
         self._shares = rollout.weights.new_tensor(
             [[shares[v.group][stream] for v in variables] for stream in range(losses.n_streams)]
         )
         self._decay = rollout.weights.new_tensor(losses.weight_decay)
-        ends = [v.offset + v.size for v in variables]
-        self._offsets = self._integers([0, *ends])
+        self._offsets = self._integers([0, *(v.offset + v.size for v in variables)])
         self._non_negative = self._integers([v.non_negative for v in variables])
         self._trained = self._integers([trained is None or v.name in trained for v in variables])
-        self._trains = self._trained.repeat(len(self.norms), 1)
+        self._moves = self._trained.repeat(len(self.norms), 1)
         self._kernels = optimizer_kernels(rollout.real)
 
     def gradient(self) -> Tensor:
-        """(S,) bool: compute the routed gradients of what the rollout last did; whether each is finite."""
+        """Compute the routed gradients of the rollout's last forward pass; return (S,) bool, whether each is finite."""
         gradient = self._losses.gradient(self._rollout)
         inputs = [gradient, self._rollout.weights, self._decay, self._shares, self._offsets, self.routed, self.norms]
         self._launch(self._kernels.route, inputs)
         return self.norms.isfinite().all(1)
 
-    def step(self, moves: Tensor | None = None) -> None:
-        """Move the networks by the last :meth:`gradient`; only those that ``moves`` (S,) bool names, if given."""
+    def step(self, moving: Tensor | None = None) -> None:
+        """Move the networks by the last :meth:`gradient`, all of them or those where ``moving`` (S,) bool is True."""
         self.step_count += 1
-        self._trains[:] = self._trained if moves is None else moves.to(self._trains)[:, None] * self._trained
+        self._moves[:] = self._trained if moving is None else moving.to(self._moves)[:, None] * self._trained
+        # Keras corrects the bias of both moments in the learning rate, so that ε is added to the uncorrected √v.
         correction = math.sqrt(1.0 - BETA_2**self.step_count) / (1.0 - BETA_1**self.step_count)
         self._launch(
             self._kernels.adam,
             [
-                *(self.routed, self.norms, self._offsets, self._non_negative, self._trains),
+                *(self.routed, self.norms, self._offsets, self._non_negative, self._moves),
                 *(self.clip_norm, self.learning_rate * correction, self.epsilon),
                 *(self.first, self.second, self._rollout.weights),
             ],
         )
 
-    def _launch(self, kernel: Any, inputs: list[Any]) -> None:
+    def _launch(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
         arrays = [wp.from_torch(x, requires_grad=False) if isinstance(x, Tensor) else x for x in inputs]
         wp.launch(kernel, dim=tuple(self.norms.shape), inputs=arrays, **launch_place(self._rollout.device))
 
     def _integers(self, values: list[Any]) -> Tensor:
         return torch.tensor([int(value) for value in values], dtype=torch.int32, device=self._rollout.device)
+
+
+@functools.cache
+def optimizer_kernels(real: Any) -> OptimizerKernels:
+    """Return the kernels in precision ``real`` (``wp.float32`` or ``wp.float64``); they index rows by variable."""
+    # Made here: inside a kernel a plain number would be rounded to single precision.
+    new_1, new_2 = real(1.0 - BETA_1), real(1.0 - BETA_2)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def route(
+        gradient: wp.array3d(dtype=real),  # (streams, S, width)
+        weights: wp.array2d(dtype=real),  # (S, width)
+        decay: wp.array(dtype=real),  # (streams,)
+        shares: wp.array2d(dtype=real),  # (streams, variables)
+        offsets: wp.array(dtype=int),  # (variables + 1,)
+        routed: wp.array2d(dtype=real),  # (S, width), written
+        norms: wp.array2d(dtype=real),  # (S, variables), written
+    ) -> None:
+        """Write a variable's gradient, its shares of the streams' gradients and weight decays, and its norm."""
+        s, v = wp.tid()
+        total = real(0.0)
+        for i in range(offsets[v], offsets[v + 1]):
+            combined = real(0.0)
+            for stream in range(gradient.shape[0]):
+                # A stream without a share is left out: 0 times an infinite gradient would be NaN.
+                if shares[stream, v] != real(0.0):
+                    of_stream = gradient[stream, s, i] + decay[stream] * weights[s, i]
+                    combined += shares[stream, v] * of_stream
+            routed[s, i] = combined
+            total += combined * combined
+        norms[s, v] = wp.sqrt(total)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def adam(
+        routed: wp.array2d(dtype=real),  # (S, width)
+        norms: wp.array2d(dtype=real),  # (S, variables)
+        offsets: wp.array(dtype=int),  # (variables + 1,)
+        non_negative: wp.array(dtype=int),  # (variables,)
+        moves: wp.array2d(dtype=int),  # (S, variables)
+        clip_norm: real,
+        rate: real,
+        epsilon: real,
+        first: wp.array2d(dtype=real),  # (S, width), updated, like all that follow
+        second: wp.array2d(dtype=real),
+        weights: wp.array2d(dtype=real),
+    ) -> None:
+        """Clip a variable's gradient to ``clip_norm`` and take one step of Adam."""
+        s, v = wp.tid()
+        if moves[s, v] == 0:
+            return
+        norm = wp.max(norms[s, v], clip_norm)  # a gradient within the bound is divided by the bound: left as it is
+        for i in range(offsets[v], offsets[v + 1]):
+            clipped = routed[s, i] * clip_norm / norm
+            first[s, i] = first[s, i] + (clipped - first[s, i]) * new_1
+            second[s, i] = second[s, i] + (clipped * clipped - second[s, i]) * new_2
+            moved = weights[s, i] - rate * first[s, i] / (wp.sqrt(second[s, i]) + epsilon)
+            if non_negative[v] != 0:
+                moved = wp.max(moved, real(0.0))
+            weights[s, i] = moved
+
+    return OptimizerKernels(route, adam)

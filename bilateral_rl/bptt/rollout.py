@@ -19,8 +19,8 @@ from bilateral_rl.bptt.network_kernels import (
     OUTPUT_DOMINANT,
     OUTPUT_NON_DOMINANT,
 )
-from bilateral_rl.bptt.rollout_arrays import RolloutArrays, RolloutSize
-from bilateral_rl.bptt.rollout_kernels import rollout_kernels
+from bilateral_rl.bptt.rollout_arrays import RolloutArrays, RolloutSize, TrialTensors
+from bilateral_rl.bptt.rollout_kernels import HAND, rollout_kernels
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import kernel_parameters
@@ -33,7 +33,7 @@ _OUTPUT_GATE = {"dominant": OUTPUT_DOMINANT, "non_dominant": OUTPUT_NON_DOMINANT
 
 
 class TrajectoryGradients(NamedTuple):
-    """Gradients of each stream's loss with respect to trajectories, each (streams, S, B, T, …)."""
+    """Gradients of each stream's loss with respect to trajectories, each (streams, S, B, T, …); None for zeros."""
 
     joint: Tensor | None = None
     muscle: Tensor | None = None
@@ -48,7 +48,7 @@ class Rollout:
     share the work.
 
     Args:
-        layout: of the networks' parameters.
+        layout: layout of the networks' parameters.
         arm: physical constants.
         size: S, B, T, and what gradients are wanted.
         device: ``"cpu"`` or a CUDA device.
@@ -57,11 +57,11 @@ class Rollout:
 
     Attributes:
         weights: (S, width), the networks' parameters; write into it.
-        trials: what the next :meth:`forward` does; write into it. (S, B, 2) each.
+        trials: what the next :meth:`forward` does, (S, B, 2) each; :meth:`load` fills it.
         joint: (S, B, T, 4), after each step, as in :class:`~bilateral_rl.envs.arm.ArmState`.
         muscle: (S, B, T, 7, 6), likewise.
-        hand: (S, B, T, 2) m.
-        excitation: (S, B, T, 6).
+        hand: (S, B, T, 2), likewise (m).
+        excitation: (S, B, T, 6), the command of each step.
         terms: (S, B, T, 3): Cartesian 1, Cartesian 2 and activation of each step.
         hidden: (S, B, T, layers · sides, width): activity of each hidden layer.
         observation: (S, B, T, n_inputs): what the networks saw before each step.
@@ -79,29 +79,40 @@ class Rollout:
     ) -> None:
         self.layout, self.size, self.device, self.real = layout, size, device, _REAL[dtype]
         self._workers = workers or Workers()
-        parameters = kernel_parameters(arm, self.real)
         kernels = rollout_kernels(self.real, layout.shape)
-        a = self._arrays = RolloutArrays(layout, size, kernels, self.real, dtype, device)
-        self.weights, self.trials = a.weights, a.trials
-        self.joint, self.muscle, self.hand, self.hidden = a.joint, a.muscle, a.hand, a.hidden
-        self.observation = a.seen.view(*a.terms.shape[:3], -1)[..., : layout.shape.n_inputs]
-        self.excitation, self.terms, self.gradient = a.excitation, a.terms, a.gradient
-        head = [parameters, a.weights_struct, a.trials_struct, size.n_trials, size.n_steps]
-        tail = [a.activity_struct, a.trajectories_struct]
-        self._forward = self._record(kernels.roll, head, tail)
-        self._backward = self._record(kernels.roll_adjoint, head, tail + a.for_adjoint) if size.n_streams else []
+        arrays = self._arrays = RolloutArrays(layout, size, kernels, dtype, device)
+        self.weights, self.trials, self.gradient = arrays.weights, arrays.trials, arrays.gradient
+        self.joint, self.muscle, self.hand, self.hidden = arrays.joint, arrays.muscle, arrays.hand, arrays.hidden
+        self.excitation, self.terms = arrays.excitation, arrays.terms
+        self.observation = arrays.observation.view(*arrays.terms.shape[:3], -1)[..., : layout.shape.n_inputs]
+        parameters = kernel_parameters(arm, self.real)
+        self._forward = self._record(kernels.roll, parameters, arrays.forward_structs)
+        self._backward = []
+        if size.n_streams:
+            structs = arrays.forward_structs + arrays.adjoint_structs
+            self._backward = self._record(kernels.roll_adjoint, parameters, structs)
+
+    def load(self, trials: TrialTensors, first: int = 0) -> None:
+        """Take ``B`` trials of each network, from trial ``first`` on, out of ``trials`` (S, n, 2)."""
+        for loaded, drawn in zip(self.trials, trials, strict=True):
+            loaded.copy_(drawn[:, first : first + self.size.n_trials])
 
     def forward(self) -> None:
-        """Every trial once; fills the trajectories."""
+        """Do every trial once; fills the trajectories."""
         self._launch(self._forward)
 
-    def backward(self, term_weights: Tensor, seeds: TrajectoryGradients | None = None) -> Tensor:
-        """Gradients of losses of the last :meth:`forward` with respect to the weights.
+    def distances(self) -> tuple[Tensor, Tensor]:
+        """Return the hand's distances to the target (m) at the start (S, B) and after each step (S, B, T)."""
+        start = self.observation[:, :, 0, HAND : HAND + 2]
+        return (start - self.trials.target).norm(dim=-1), (self.hand - self.trials.target[:, :, None]).norm(dim=-1)
+
+    def backward(self, term_weights: Tensor, upstream: TrajectoryGradients | None = None) -> Tensor:
+        """Return gradients of losses of the last :meth:`forward` with respect to the weights.
 
         Args:
             term_weights: (streams, 3): each loss is, for every network, the sum over its trials and steps of these
                 weights times the step's terms.
-            seeds: gradients of what else each loss is made of.
+            upstream: gradients of what else each loss is made of.
 
         Returns:
             :attr:`gradient`, overwritten by the next call.
@@ -109,12 +120,13 @@ class Rollout:
         Raises:
             ValueError: gradients of what ``size`` said that no loss looks at.
         """
-        a, seeds = self._arrays, seeds or TrajectoryGradients()
-        a.of_terms.copy_(term_weights)
-        for own, given in zip((a.of_joint, a.of_muscle, a.of_hand, a.of_hidden), seeds, strict=True):
-            if own.numel():
-                own.zero_() if given is None else own.copy_(given.reshape(own.shape))
-            elif given is not None:
+        a, upstream = self._arrays, upstream or TrajectoryGradients()
+        a.upstream_terms.copy_(term_weights)
+        rooms = (a.upstream_joint, a.upstream_muscle, a.upstream_hand, a.upstream_hidden)
+        for room, gradient in zip(rooms, upstream, strict=True):
+            if room.numel():
+                room.zero_() if gradient is None else room.copy_(gradient.reshape(room.shape))
+            elif gradient is not None:
                 raise ValueError("the rollout was made without room for gradients of states or of activity.")
         self._launch(self._backward)
         parts = self._workers.parts(self.size.n_networks)
@@ -133,11 +145,17 @@ class Rollout:
                 gate[CALLOSUM] = 0.0
         self._arrays.gates.copy_(gates)
 
-    def _record(self, kernel: Any, head: list[Any], tail: list[Any]) -> list[Any]:
-        """The kernel recorded once for each thread's part of the trials."""
+    def _record(self, kernel: wp.Kernel, parameters: Any, structs: list[Any]) -> list[Any]:
+        """Record the kernel's launch once for each thread's part of the trials."""
+        weights, trials, *others = structs
+        sizes = [self.size.n_trials, self.size.n_steps]
         return [
             wp.launch(
-                kernel, dim=len(part), inputs=[*head, part.start, *tail], record_cmd=True, **launch_place(self.device)
+                kernel,
+                dim=len(part),
+                inputs=[parameters, weights, trials, *sizes, part.start, *others],
+                record_cmd=True,
+                **launch_place(self.device),
             )
             for part in self._workers.parts(self.size.n_networks * self.size.n_trials)
         ]
@@ -147,25 +165,29 @@ class Rollout:
         self._workers.share([functools.partial(launch.launch, stream) for launch in launches])
 
     def _assemble(self, networks: range) -> None:
-        """Weight gradients from what each layer received and the gradient of what it put out.
+        """Make weight gradients of what each layer received, transposed, times the gradients of what it put out.
 
-        The products also pair what does not belong together: three large ones are faster than the ten needed ones.
+        Of samples n = B · T, streams K and hidden layers L, ``deltas`` is (n, K · L · width): one product gives what
+        every layer received times the deltas of every layer, and only pairs that belong together are taken. Three large
+        products are faster than the ten needed ones.
         """
         a, layout, shape, streams = self._arrays, self.layout, self.layout.shape, self.size.n_streams
         n_hidden, n_received = shape.layers * shape.sides, (shape.layers - 1) * shape.sides
         for s in networks:
             deltas = a.delta_hidden[s].flatten(1)
-            of_first = (a.seen[s].t() @ deltas).view(-1, streams, n_hidden, shape.width)
-            of_hidden = (a.received[s].flatten(1).t() @ deltas).view(
+            by_first = (a.observation[s].t() @ deltas).view(-1, streams, n_hidden, shape.width)
+            by_hidden = (a.received[s].flatten(1).t() @ deltas).view(
                 n_received, shape.width + 1, streams, n_hidden, shape.width
             )
-            of_output = (a.combined[s].t() @ a.delta_output[s].flatten(1)).view(-1, streams, shape.n_outputs)
-            row = self.gradient[:, s]
+            by_output = (a.combined[s].t() @ a.delta_output[s].flatten(1)).view(-1, streams, shape.n_outputs)
+            row = self.gradient[:, s]  # (K, width of a row)
             first, hidden = layout.region(row, "first"), layout.region(row, "hidden")
-            first.copy_(of_first[:, :, : shape.sides].permute(1, 2, 0, 3))
+            first.copy_(by_first[:, :, : shape.sides].permute(1, 2, 0, 3))
+            # A closed input gate lets through the bias, but no observation.
             first[:, :, :-1] *= a.gates[s, INPUT_DOMINANT : INPUT_DOMINANT + shape.sides].view(-1, 1, 1)
             for index in range(n_received):
-                hidden[:, index] = of_hidden[index, :, :, index + shape.sides].transpose(0, 1)
+                # The first hidden layer of each side sees the inputs: what receives begins ``sides`` later.
+                hidden[:, index] = by_hidden[index, :, :, index + shape.sides].transpose(0, 1)
             if shape.sides == 2:
-                layout.region(row, "combination").copy_(a.of_combination[:, s].sum(1))
-            layout.region(row, "output").copy_(of_output.transpose(0, 1))
+                layout.region(row, "combination").copy_(a.combination_gradient[:, s].sum(1))
+            layout.region(row, "output").copy_(by_output.transpose(0, 1))

@@ -1,4 +1,4 @@
-"""The memory of a rollout: torch tensors, and structs of Warp arrays over them for the kernels."""
+"""The memory of a rollout: torch tensors, and the kernels' structs of Warp arrays over the same memory."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from torch import Tensor
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.network_kernels import N_GATES
+from bilateral_rl.bptt.rollout_kernels import RolloutKernels
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import N_MUSCLE_ROWS
 
@@ -19,11 +20,11 @@ class TrialTensors(NamedTuple):
     """What sets trials apart; leading axes are any, such as (networks, trials)."""
 
     start: Tensor
-    """(…, 2): angles (rad); the arm is at rest."""
+    """(…, 2): angles at the start (rad); the arm is at rest."""
     target: Tensor
-    """(…, 2): of the hand (m)."""
+    """(…, 2): position of the target (m)."""
     load: Tensor
-    """(…, 2): on the hand (N)."""
+    """(…, 2): force on the hand (N)."""
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,15 @@ class RolloutSize:
     """How much a rollout holds."""
 
     n_networks: int
-    """S."""
+    """S, number of networks."""
     n_trials: int
-    """B, of each network."""
+    """B, number of trials of each network."""
     n_steps: int
-    """T."""
+    """T, steps of a trial."""
     n_streams: int = 0
-    """Losses whose gradients are wanted."""
+    """Number of losses whose gradients are wanted."""
     watches_state: bool = False
-    """Whether a loss looks at states: joints, muscles or the hand, but for its distance to the target."""
+    """Whether a loss looks at joints, muscles or the hand, but for the hand's distance to the target."""
     watches_activity: bool = False
     """Whether a loss looks at hidden activity."""
 
@@ -47,33 +48,33 @@ class RolloutSize:
 class RolloutArrays:
     """Everything that the kernels of a rollout read and write.
 
+    Below, S, B, T are the rollout's size, K its streams and L = layers · sides the network's hidden layers.
+
     Args:
-        layout: of the networks.
+        layout: layout of the networks' parameters.
         size: how much there is of everything.
-        kernels: whose structs are filled.
-        real: Warp's precision.
-        dtype: torch's.
+        kernels: the kernels whose structs are filled.
+        dtype: torch's precision, that of the kernels.
         device: ``"cpu"`` or a CUDA device.
 
     Attributes:
-        for_adjoint: the structs of gradients, deltas and carried gradients.
+        forward_structs: what the forward kernel takes: weights, trials, activity and trajectories.
+        adjoint_structs: what the adjoint kernel takes besides: upstream gradients, deltas and carried gradients.
     """
 
     def __init__(
-        self, layout: Layout, size: RolloutSize, kernels: Any, real: Any, dtype: torch.dtype, device: str
+        self, layout: Layout, size: RolloutSize, kernels: RolloutKernels, dtype: torch.dtype, device: str
     ) -> None:
-        self._layout, self._size, self._kernels, self._real = layout, size, kernels, real
         self._dtype, self._device = dtype, device
-        self._allocate_forward()
-        self.weights_struct, self.trials_struct = self._weights(), self._trials()
-        self.activity_struct, self.trajectories_struct = self._activity(), self._trajectories()
-        self._allocate_backward()
-        self.for_adjoint = [self._gradients(), self._deltas(), self._carried()]
+        self._allocate_forward(layout, size)
+        self._allocate_backward(layout, size)
+        self.forward_structs = self._forward_structs(layout, kernels)
+        self.adjoint_structs = self._adjoint_structs(kernels)
 
-    def _allocate_forward(self) -> None:
-        shape, size = self._layout.shape, self._size
+    def _allocate_forward(self, layout: Layout, size: RolloutSize) -> None:
+        shape = layout.shape
         s, b, t = size.n_networks, size.n_trials, size.n_steps
-        self.weights = self._zeros(s, self._layout.width)
+        self.weights = self._zeros(s, layout.width)
         self.gates = self._zeros(s, N_GATES) + 1.0
         self.trials = TrialTensors(*(self._zeros(s, b, 2) for _ in range(3)))
         self.joint = self._zeros(s, b, t, 4)
@@ -82,100 +83,84 @@ class RolloutArrays:
         self.excitation = self._zeros(s, b, t, shape.n_outputs)
         self.terms = self._zeros(s, b, t, 3)
         self.hidden = self._zeros(s, b, t, shape.layers * shape.sides, shape.width)
-        self.seen = self._zeros(s, b * t, shape.n_inputs + 1)
+        # What layers receive, each with a one behind it, by which the bias is a row of the weights like any other.
+        self.observation = self._zeros(s, b * t, shape.n_inputs + 1)
         self.received = self._zeros(s, b * t, (shape.layers - 1) * shape.sides, shape.width + 1)
         self.combined = self._zeros(s, b * t, shape.width + 1)
 
-    def _allocate_backward(self) -> None:
-        shape, size = self._layout.shape, self._size
+    def _allocate_backward(self, layout: Layout, size: RolloutSize) -> None:
+        shape = layout.shape
         s, b, t, k = size.n_networks, size.n_trials, size.n_steps, size.n_streams
         n_hidden = shape.layers * shape.sides
-        of_state = s * b * t if size.watches_state else 0
-        of_activity = s * b * t if size.watches_activity else 0
-        self.of_terms = self._zeros(k, 3)
-        self.of_joint = self._zeros(k, of_state, 4)
-        self.of_muscle = self._zeros(k, of_state, N_MUSCLE_ROWS, N_MUSCLES)
-        self.of_hand = self._zeros(k, of_state, 2)
-        self.of_hidden = self._zeros(k, of_activity, n_hidden, shape.width)
+        n_state = s * b * t if size.watches_state else 0
+        n_activity = s * b * t if size.watches_activity else 0
+        self.upstream_terms = self._zeros(k, 3)
+        self.upstream_joint = self._zeros(k, n_state, 4)
+        self.upstream_muscle = self._zeros(k, n_state, N_MUSCLE_ROWS, N_MUSCLES)
+        self.upstream_hand = self._zeros(k, n_state, 2)
+        self.upstream_hidden = self._zeros(k, n_activity, n_hidden, shape.width)
         self.delta_hidden = self._zeros(s, b * t, k, n_hidden, shape.width)
         self.delta_output = self._zeros(s, b * t, k, shape.n_outputs)
-        self.of_combination = self._zeros(k, s, b, 2)
-        self.gradient = self._zeros(k, s, self._layout.width)
+        self.combination_gradient = self._zeros(k, s, b, 2)
+        self.gradient = self._zeros(k, s, layout.width)
         self._carried_joint = self._zeros(k, s * b, 4)
         self._carried_muscle = self._zeros(k, s * b, N_MUSCLE_ROWS, N_MUSCLES)
         self._carried_hand = self._zeros(k, s * b, 4)
 
-    def _weights(self) -> Any:
-        network, region = self._kernels.network, self._layout.region
-        return _fill(
-            network.Weights(),
-            first=(region(self.weights, "first"), network.vec_side),
-            hidden=(region(self.weights, "hidden"), network.vec_side),
-            combination=(region(self.weights, "combination"), self._real),
-            output=(region(self.weights, "output"), network.vec_out),
-            gates=(self.gates, self._real),
-        )
+    def _forward_structs(self, layout: Layout, kernels: RolloutKernels) -> list[Any]:
+        regions = {name: layout.region(self.weights, name) for name in layout.regions}
+        return [
+            _fill(kernels.network.Weights, **regions, gates=self.gates),
+            _fill(kernels.Trials, **{name: tensor.flatten(0, 1) for name, tensor in self.trials._asdict().items()}),
+            _fill(
+                kernels.network.Activity,
+                observation=self.observation.flatten(0, 1),
+                received=self.received.flatten(0, 1),
+                hidden=self.hidden.flatten(0, 2),
+                combined=self.combined.flatten(0, 1),
+            ),
+            _fill(
+                kernels.Trajectories,
+                joint=self.joint.flatten(0, 2),
+                muscle=self.muscle.flatten(0, 2),
+                hand=self.hand.flatten(0, 2),
+                excitation=self.excitation.flatten(0, 2),
+                terms=self.terms.flatten(0, 2),
+            ),
+        ]
 
-    def _trials(self) -> Any:
-        vec2 = self._kernels.physics.vec2
-        return _fill(self._kernels.Trials(), **{k: (v.flatten(0, 1), vec2) for k, v in self.trials._asdict().items()})
-
-    def _activity(self) -> Any:
-        network = self._kernels.network
-        return _fill(
-            network.Activity(),
-            observation=(self.seen.flatten(0, 1), network.vec_in_one),
-            received=(self.received.flatten(0, 1), network.vec_side_one),
-            hidden=(self.hidden.flatten(0, 2), network.vec_side),
-            combined=(self.combined.flatten(0, 1), network.vec_side_one),
-        )
-
-    def _trajectories(self) -> Any:
-        kernels, physics = self._kernels, self._kernels.physics
-        return _fill(
-            kernels.Trajectories(),
-            joint=(self.joint.flatten(0, 2), physics.vec4),
-            muscle=(self.muscle.flatten(0, 2), kernels.rows),
-            hand=(self.hand.flatten(0, 2), physics.vec2),
-            excitation=(self.excitation.flatten(0, 2), physics.vec6),
-            terms=(self.terms.flatten(0, 2), kernels.vec_terms),
-        )
-
-    def _gradients(self) -> Any:
-        kernels, physics = self._kernels, self._kernels.physics
-        return _fill(
-            kernels.Gradients(),
-            terms=(self.of_terms, kernels.vec_terms),
-            joint=(self.of_joint, physics.vec4),
-            muscle=(self.of_muscle, kernels.rows),
-            hand=(self.of_hand, physics.vec2),
-        )
-
-    def _deltas(self) -> Any:
-        network = self._kernels.network
-        return _fill(
-            network.Deltas(),
-            hidden=(self.delta_hidden.flatten(0, 1), network.vec_side),
-            output=(self.delta_output.flatten(0, 1), network.vec_out),
-            combination=(self.of_combination.flatten(1, 2), self._real),
-            activity=(self.of_hidden, network.vec_side),
-        )
-
-    def _carried(self) -> Any:
-        kernels, physics = self._kernels, self._kernels.physics
-        return _fill(
-            kernels.Carried(),
-            joint=(self._carried_joint, physics.vec4),
-            muscle=(self._carried_muscle, kernels.rows),
-            hand=(self._carried_hand, physics.vec4),
-        )
+    def _adjoint_structs(self, kernels: RolloutKernels) -> list[Any]:
+        return [
+            _fill(
+                kernels.UpstreamGradients,
+                terms=self.upstream_terms,
+                joint=self.upstream_joint,
+                muscle=self.upstream_muscle,
+                hand=self.upstream_hand,
+            ),
+            _fill(
+                kernels.network.Deltas,
+                hidden=self.delta_hidden.flatten(0, 1),
+                output=self.delta_output.flatten(0, 1),
+                combination=self.combination_gradient.flatten(1, 2),
+                activity=self.upstream_hidden,
+            ),
+            _fill(
+                kernels.CarriedGradients,
+                joint=self._carried_joint,
+                muscle=self._carried_muscle,
+                hand=self._carried_hand,
+            ),
+        ]
 
     def _zeros(self, *shape: int) -> Tensor:
         return torch.zeros(shape, dtype=self._dtype, device=self._device)
 
 
-def _fill(struct: Any, **fields: tuple[Tensor, Any]) -> Any:
-    """``struct`` with Warp arrays of the given element type over the given tensors."""
-    for name, (tensor, dtype) in fields.items():
-        setattr(struct, name, wp.from_torch(tensor, dtype=dtype, requires_grad=False))
-    return struct
+def _fill(struct: Any, **tensors: Tensor) -> Any:
+    """Return a ``struct`` with Warp arrays over ``tensors``, each of the element type that the struct declares."""
+    instance = struct()
+    for name, tensor in tensors.items():
+        element = struct.vars[name].type.dtype
+        setattr(instance, name, wp.from_torch(tensor, dtype=element, requires_grad=False))
+    return instance

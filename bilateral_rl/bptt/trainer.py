@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,15 +21,16 @@ from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
+from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.vocabulary import stream_names
 
 MEASURES = ("goal_completion_percent", "time_in_goal_steps", "final_error_cm")
-"""Of the validation trials, as evaluations call them."""
+"""Measures of the validation trials that the history holds, named as in evaluations."""
 
 
 @dataclass
 class _Stack:
-    """The seeds that train at present, by their index among all, and what trains them."""
+    """The ``S`` seeds that train at present, by their index among all, and what trains them."""
 
     seeds: list[int]
     rollout: Rollout
@@ -39,24 +39,24 @@ class _Stack:
 
 
 @dataclass
-class _Updates:
-    """What the updates of an epoch brought, for each seed of the stack."""
+class _EpochResult:
+    """The outcome of an epoch's updates, for each seed of the stack."""
 
     means: Tensor
-    """(S, …): losses and gradient norms."""
-    failed: dict[int, int]
-    """The batch, from 1, of each seed that failed."""
-    good: Tensor
-    """(S, width): the last weights whose loss was a number."""
+    """(S, streams + groups) float64: mean losses and mean gradient norms."""
+    failed_batch: dict[int, int]
+    """The batch, from 1, in which a seed failed, by its index in the stack."""
+    last_good: Tensor
+    """(S, width): the last weights whose losses were finite."""
 
 
 class Trainer:
     """Trains every seed of ``config`` side by side, and writes what it does into ``state``.
 
     Args:
-        config: of the training.
-        layout: of its networks.
-        state: from where to go on; changed at the end of every epoch.
+        config: the training's configuration.
+        layout: the layout of its networks' parameters.
+        state: the state to go on from; changed at the end of every epoch.
 
     Attributes:
         columns: what the history of a seed holds, an epoch a row: the mean loss of each stream and gradient norm of
@@ -65,22 +65,23 @@ class Trainer:
 
     def __init__(self, config: BPTTConfig, layout: Layout, state: TrainingState) -> None:
         self.config, self.layout, self.state = config, layout, state
-        self._loss = find_model(config.model).loss
         self.columns = history_columns(config, layout)
+        self._loss = find_model(config.model).loss
+        self._groups = _groups(layout)
         task, settings = make_task(config.task), config.bptt
         seeds = [config.seed + i for i in range(config.seeds)]
-        device = config.device
-        self._training = _stacked([training_trials(s, settings.trials, task, config.trial) for s in seeds], device)
-        self._validation = _stacked(
-            [validation_trials(s, settings.validation_trials, task, config.trial) for s in seeds], device
+        self._training = _stacked(
+            [training_trials(seed, settings.trials, task, config.trial) for seed in seeds], config.device
         )
-        torch.set_num_threads(1)
+        self._validation = _stacked(
+            [validation_trials(seed, settings.validation_trials, task, config.trial) for seed in seeds], config.device
+        )
         self._workers = Workers(config.threads if config.device == "cpu" else 1)
         self._stack: _Stack | None = None
 
     @property
     def updates_per_epoch(self) -> int:
-        """Updates of every seed in an epoch."""
+        """Number of updates of every seed in an epoch."""
         return self.config.bptt.trials // self.config.bptt.batch_size
 
     @property
@@ -89,7 +90,7 @@ class Trainer:
         return self.state.epoch >= self.config.epochs or not self.state.training()
 
     def run_epoch(self, goes_on: Callable[[int], bool] = lambda _: True) -> bool:
-        """One epoch of every seed that still trains.
+        """Train every seed that still trains for one epoch, validate it, and decide whether it goes on.
 
         Args:
             goes_on: asked after each update, with how many there were in this epoch.
@@ -97,14 +98,17 @@ class Trainer:
         Returns:
             Whether the epoch was finished; if not, the state is that of the epoch before.
         """
-        stack = self._stack or self._make_stack()
-        self._stack = None
-        updates = self._update(stack, goes_on)
-        if updates is None:
-            return False
-        self._finish_epoch(stack, updates)
-        if self.state.training() == stack.seeds:  # those that stopped cost no more work
-            self._stack = stack
+        with one_torch_thread():
+            stack = self._stack or self._make_stack()
+            self._stack = None
+            result = self._update(stack, goes_on)
+            if result is None:
+                return False
+            self._take_over(stack)
+            validation = self._validate(stack.seeds)
+            self._conclude_epoch(stack.seeds, result, validation)
+        if self.state.training() == stack.seeds:
+            self._stack = stack  # else the next epoch makes a smaller one: seeds that stopped cost no more work
         return True
 
     def close(self) -> None:
@@ -112,10 +116,9 @@ class Trainer:
         self._workers.close()
 
     def _make_stack(self) -> _Stack:
-        config, state, seeds = self.config, self.state, self.state.training()
+        config, settings, state, seeds = self.config, self.config.bptt, self.state, self.state.training()
         losses = StreamLosses(self._loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
-        rollout = self._rollout(len(seeds), config.bptt.batch_size, losses)
-        settings = config.bptt
+        rollout = self._rollout(losses.rollout_size(len(seeds), settings.batch_size, config.trial.trial_length))
         optimizer = StackedAdam(
             rollout,
             losses,
@@ -125,96 +128,105 @@ class Trainer:
             clip_norm=settings.clip_norm,
             step=int(state.updates),
         )
-        for own, stored in (
-            (rollout.weights, state.weights),
-            (optimizer.first, state.first),
-            (optimizer.second, state.second),
-        ):
-            own.copy_(stored[seeds])
+        rollout.weights.copy_(state.weights[seeds])
+        optimizer.first.copy_(state.first[seeds])
+        optimizer.second.copy_(state.second[seeds])
         return _Stack(seeds, rollout, losses, optimizer)
 
-    def _rollout(self, n_networks: int, n_trials: int, losses: StreamLosses | None = None) -> Rollout:
-        size = RolloutSize(n_networks, n_trials, self.config.trial.trial_length)
-        if losses:
-            size = dataclasses.replace(
-                size,
-                n_streams=losses.n_streams,
-                watches_state=losses.watches_state,
-                watches_activity=losses.watches_activity,
-            )
+    def _rollout(self, size: RolloutSize) -> Rollout:
         return Rollout(self.layout, self.config.trial.arm, size, device=self.config.device, workers=self._workers)
 
-    def _update(self, stack: _Stack, goes_on: Callable[[int], bool]) -> _Updates | None:
-        """Every update of an epoch; None if it was not to go on."""
+    def _update(self, stack: _Stack, goes_on: Callable[[int], bool]) -> _EpochResult | None:
+        """Do every update of an epoch; return None if it was not to go on.
+
+        A seed fails in the update in which its losses, its gradient or its new weights are not finite. It gets back the
+        last weights whose losses were finite and moves no more; the others do not notice, as no number crosses seeds.
+        """
+        rollout, losses, optimizer = stack.rollout, stack.losses, stack.optimizer
+        weights = rollout.weights  # (S, width), moved in place
         shuffled = self._shuffled(stack.seeds)
-        weights, size = stack.rollout.weights, self.config.bptt.batch_size
-        total = torch.zeros(len(stack.seeds), stack.losses.n_streams + len(self._groups()), dtype=torch.float64)
-        failed: dict[int, int] = {}
-        good = weights.clone()
+        sums = torch.zeros(len(stack.seeds), losses.n_streams + len(self._groups), dtype=torch.float64)
+        failed_batch: dict[int, int] = {}
+        last_good = weights.clone()
         for batch in range(self.updates_per_epoch):
-            for own, trials in zip(stack.rollout.trials, shuffled, strict=True):
-                own.copy_(trials[:, batch * size : (batch + 1) * size])
-            stack.rollout.forward()
-            values = stack.losses.values(stack.rollout)
-            has_loss = values.isfinite().all(0)
-            good[has_loss] = weights[has_loss]
-            moves = has_loss & stack.optimizer.gradient()
-            moves[list(failed)] = False
-            stack.optimizer.step(None if moves.all() else moves)
-            moves &= weights.isfinite().all(1)
-            for index in (~moves).nonzero().flatten().tolist():
-                if index not in failed:
-                    failed[index] = batch + 1
-                    weights[index] = good[index]
-            if len(failed) == len(stack.seeds):
+            rollout.load(shuffled, first=batch * self.config.bptt.batch_size)
+            rollout.forward()
+            values = losses.values(rollout)  # (streams, S)
+            finite_loss = values.isfinite().all(0)  # (S,)
+            last_good[finite_loss] = weights[finite_loss]
+
+            moving = finite_loss & optimizer.gradient()
+            moving[list(failed_batch)] = False
+            optimizer.step(None if moving.all() else moving)
+
+            sound = moving & weights.isfinite().all(1)
+            for index in (~sound).nonzero().flatten().tolist():
+                if index not in failed_batch:
+                    failed_batch[index] = batch + 1
+                    weights[index] = last_good[index]
+            if len(failed_batch) == len(stack.seeds):
                 break
-            total += torch.cat([values.t().cpu(), self._group_norms(stack.optimizer.norms)], dim=1)
+            sums += torch.cat([values.t().cpu(), self._group_norms(optimizer.norms)], dim=1)
             if not goes_on(batch + 1):
                 return None
-        return _Updates(total / self.updates_per_epoch, failed, good.cpu())
+        return _EpochResult(sums / self.updates_per_epoch, failed_batch, last_good.cpu())
 
     def _shuffled(self, seeds: list[int]) -> TrialTensors:
-        """The epoch's trials in their order, (len(seeds), trials, 2) each."""
+        """Return the epoch's trials in their order, (len(seeds), trials, 2) each."""
         n = self.config.bptt.trials
         orders = [epoch_order(self.config.seed + i, self.state.epoch, n) for i in seeds]
         order = torch.from_numpy(np.stack(orders)).to(self.config.device)[..., None].expand(-1, -1, 2)
         return TrialTensors(*(trials[seeds].gather(1, order) for trials in self._training))
 
-    def _groups(self) -> list[str]:
-        return list(dict.fromkeys(v.group for v in self.layout.variables))
-
     def _group_norms(self, norms: Tensor) -> Tensor:
-        """(S, groups) float64: the gradient norm of each group, from that of each variable."""
+        """Return the gradient norm of each group (S, groups) float64, from that of each variable (S, variables)."""
         squares = norms.cpu().double().square()
-        groups = [[i for i, v in enumerate(self.layout.variables) if v.group == group] for group in self._groups()]
+        groups = [[i for i, v in enumerate(self.layout.variables) if v.group == group] for group in self._groups]
         return torch.stack([squares[:, members].sum(1).sqrt() for members in groups], dim=1)
 
-    def _finish_epoch(self, stack: _Stack, updates: _Updates) -> None:
-        """Take over weights, validate, and decide which seeds go on."""
-        state, seeds, failed = self.state, stack.seeds, updates.failed
-        for own, stored in (
-            (stack.rollout.weights, state.weights),
-            (stack.optimizer.first, state.first),
-            (stack.optimizer.second, state.second),
-        ):
-            stored[seeds] = own.cpu()
-        state.updates += self.updates_per_epoch
-        validation = self._validate(seeds)
+    def _take_over(self, stack: _Stack) -> None:
+        """Write the stack's weights and moments into the state."""
+        self.state.weights[stack.seeds] = stack.rollout.weights.cpu()
+        self.state.first[stack.seeds] = stack.optimizer.first.cpu()
+        self.state.second[stack.seeds] = stack.optimizer.second.cpu()
+        self.state.updates += self.updates_per_epoch
+
+    def _validate(self, seeds: list[int]) -> Tensor:
+        """Return loss and ``MEASURES`` on the validation trials, (len(seeds), 1 + measures) float64."""
+        config = self.config
+        loss = "combined" if self._loss == "specialized" else self._loss
+        losses = StreamLosses(loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
+        rollout = self._rollout(RolloutSize(len(seeds), config.bptt.validation_trials, config.trial.trial_length))
+        rollout.weights.copy_(self.state.weights[seeds])
+        rollout.load(TrialTensors(*(trials[seeds] for trials in self._validation)))
+        rollout.forward()
+        values = losses.values(rollout)[0].tolist()
+        start_distances, distances = (x.cpu().numpy() for x in rollout.distances())
+        rows = []
+        for value, start_distance, distance in zip(values, start_distances, distances, strict=True):
+            means = trial_measures(distance, start_distance, config.trial.threshold).means()
+            rows.append([value, *(means[name] for name in MEASURES)])
+        return torch.tensor(rows, dtype=torch.float64)
+
+    def _conclude_epoch(self, seeds: list[int], result: _EpochResult, validation: Tensor) -> None:
+        """Write the epoch into the history, and settle which seeds failed or converged in it."""
+        state = self.state
         row = torch.full((len(state.weights), 1, len(self.columns)), torch.nan, dtype=torch.float64)
         for index, seed in enumerate(seeds):
-            if index not in failed and not validation[index, 0].isfinite():
-                failed[index] = self.updates_per_epoch
-                state.weights[seed] = updates.good[index]
-            if index in failed:
-                state.seed_state[seed], state.failed_batch[seed] = SeedState.FAILED, failed[index]
+            failed_batch = result.failed_batch.get(index)
+            if failed_batch is None and not validation[index, 0].isfinite():
+                failed_batch = self.updates_per_epoch
+                state.weights[seed] = result.last_good[index]
+            if failed_batch is not None:
+                state.seed_state[seed], state.failed_batch[seed] = SeedState.FAILED, failed_batch
                 continue
-            row[seed, 0] = torch.cat([updates.means[index], validation[index]])
+            row[seed, 0] = torch.cat([result.means[index], validation[index]])
             state.epochs[seed] += 1
-            self._watch(seed, float(validation[index, 0]))
+            self._stop_early(seed, float(validation[index, 0]))
         state.history = torch.cat([state.history, row], dim=1)
 
-    def _watch(self, seed: int, loss: float) -> None:
-        """Early stopping of one seed, as Keras does it."""
+    def _stop_early(self, seed: int, loss: float) -> None:
+        """End a seed whose validation loss has not got better for ``patience`` epochs, as Keras does."""
         state = self.state
         if loss < float(state.best_loss[seed]):
             state.best_loss[seed], state.waited[seed] = loss, 0
@@ -224,37 +236,22 @@ class Trainer:
         if int(state.waited[seed]) >= self.config.bptt.patience:
             state.seed_state[seed] = SeedState.CONVERGED
 
-    def _validate(self, seeds: list[int]) -> Tensor:
-        """(len(seeds), 1 + measures) float64: loss and measures on the validation trials."""
-        config = self.config
-        loss = "combined" if self._loss == "specialized" else self._loss
-        losses = StreamLosses(loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
-        rollout = self._rollout(len(seeds), config.bptt.validation_trials)
-        rollout.weights.copy_(self.state.weights[seeds])
-        for own, trials in zip(rollout.trials, self._validation, strict=True):
-            own.copy_(trials[seeds])
-        rollout.forward()
-        values = losses.values(rollout)[0].cpu()
-        distance = (rollout.hand - rollout.trials.target[:, :, None]).norm(dim=-1).cpu().numpy()
-        rows = []
-        for value, of_seed in zip(values.tolist(), distance, strict=True):
-            measures = trial_measures(of_seed, of_seed[:, 0], config.trial.threshold)
-            completed, inside = measures.goal_completion.mean(), measures.time_in_goal.mean()
-            rows.append([value, 100 * completed, inside, 100 * measures.final_error.mean()])
-        return torch.tensor(rows, dtype=torch.float64)
-
 
 def history_columns(config: BPTTConfig, layout: Layout) -> list[str]:
-    """What the history of a seed holds; see :class:`Trainer`."""
-    streams = stream_names(find_model(config.model).loss)
-    groups = dict.fromkeys(v.group for v in layout.variables)
+    """Return the names of what the history of a seed holds; see :class:`Trainer`."""
     return [
-        *(f"loss_{name}" for name in streams),
-        *(f"gradient_norm_{group}" for group in groups),
+        *(f"loss_{name}" for name in stream_names(find_model(config.model).loss)),
+        *(f"gradient_norm_{group}" for group in _groups(layout)),
         "validation_loss",
         *MEASURES,
     ]
 
 
+def _groups(layout: Layout) -> list[str]:
+    """Return the network's parameter groups, in the order of its variables."""
+    return list(dict.fromkeys(v.group for v in layout.variables))
+
+
 def _stacked(trials: list[TrialTensors], device: str) -> TrialTensors:
+    """Stack the trials (n, 2) of each seed to (seeds, n, 2)."""
     return TrialTensors(*(torch.stack(parts).to(device) for parts in zip(*trials, strict=True)))

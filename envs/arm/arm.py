@@ -10,7 +10,7 @@ from torch import Tensor
 
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
-from bilateral_rl.envs.arm.physics import LENGTH, N_MUSCLE_ROWS, VELOCITY, kernel_parameters
+from bilateral_rl.envs.arm.physics import LENGTH, N_MUSCLE_ROWS, VELOCITY, ArmTypes, arm_types, kernel_parameters
 from bilateral_rl.envs.arm.warp_start import launch_place
 
 _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
@@ -51,27 +51,34 @@ class Arm:
         self.parameters = parameters or ArmParameters()
         self.device = torch.device(device)
         self.dtype = dtype
-        self._kernels = arm_kernels(_REAL[dtype])
+        self._kernels, self._types = arm_kernels(_REAL[dtype]), arm_types(_REAL[dtype])
         self._p = kernel_parameters(self.parameters, _REAL[dtype])
         self._optimal_length = self._tensor(self.parameters.optimal_muscle_length)
         self._max_velocity = self.parameters.normalized_max_velocity * self._optimal_length
 
     def rest(self, angles: Tensor) -> ArmState:
-        """The state at rest at ``angles`` (n, 2) rad, every muscle at its minimal activation. Not differentiable."""
+        """Return the state at rest at ``angles`` (n, 2) rad, muscles at their minimal activation; not differentiable.
+
+        Raises:
+            ValueError: angles of another shape.
+        """
         angles = angles.to(self.device, self.dtype)
         if angles.ndim != 2 or angles.shape[1] != 2:
             raise ValueError(f"angles must have shape (n, 2), got {tuple(angles.shape)}.")
         return self.state(torch.cat([angles, torch.zeros_like(angles)], dim=1))
 
     def state(self, joint: Tensor) -> ArmState:
-        """The state with ``joint`` (n, 4) and every muscle at its minimal activation. Not differentiable."""
+        """Return the state with ``joint`` (n, 4), muscles at their minimal activation; not differentiable.
+
+        Raises:
+            ValueError: a joint state of another shape.
+        """
         joint = joint.detach().to(self.device, self.dtype, copy=True).contiguous()
         if joint.ndim != 2 or joint.shape[1] != 4:
             raise ValueError(f"joint must have shape (n, 4), got {tuple(joint.shape)}.")
         n = len(joint)
         muscle, cartesian = joint.new_empty(n, N_MUSCLE_ROWS, N_MUSCLES), joint.new_empty(n, 4)
-        arrays = [_as_warp(self._kernels, name, t) for name, t in zip("jmc", (joint, muscle, cartesian), strict=True)]
-        wp.launch(self._kernels.rest, dim=n, inputs=[self._p, *arrays], **launch_place(self.device))
+        _launch(self, self._kernels.rest, "jmc", (joint, muscle, cartesian))
         return ArmState(joint, muscle, cartesian)
 
     def step(self, state: ArmState, excitation: Tensor, load: Tensor | None = None) -> ArmState:
@@ -91,17 +98,16 @@ class Arm:
         n = len(state.joint)
         if load is None:
             load = state.joint.new_zeros(n, 2)
-        given = {"joint": state.joint, "muscle": state.muscle, "excitation": excitation, "load": load}
-        for (name, tensor), shape in zip(
-            given.items(), ((4,), (N_MUSCLE_ROWS, N_MUSCLES), (N_MUSCLES,), (2,)), strict=True
-        ):
+        inputs = {"joint": state.joint, "muscle": state.muscle, "excitation": excitation, "load": load}
+        shapes = ((4,), (N_MUSCLE_ROWS, N_MUSCLES), (N_MUSCLES,), (2,))
+        for (name, tensor), shape in zip(inputs.items(), shapes, strict=True):
             if tensor.shape != (n, *shape):
                 raise ValueError(f"{name} of {n} arms must have shape {(n, *shape)}, got {tuple(tensor.shape)}.")
-        inputs = (tensor.to(self.device, self.dtype) for tensor in given.values())
-        return ArmState(*_Step.apply(self, *inputs))  # type: ignore[no-untyped-call]
+        converted = (tensor.to(self.device, self.dtype) for tensor in inputs.values())
+        return ArmState(*_Step.apply(self, *converted))  # type: ignore[no-untyped-call]
 
     def proprioception(self, state: ArmState) -> Tensor:
-        """(n, 12): muscle lengths (optimal lengths), then velocities (maximal velocities)."""
+        """Return the sensed (n, 12): muscle lengths (optimal lengths), then velocities (maximal velocities)."""
         return torch.cat(
             [state.muscle[:, LENGTH] / self._optimal_length, state.muscle[:, VELOCITY] / self._max_velocity], dim=1
         )
@@ -139,12 +145,16 @@ class _Step(torch.autograd.Function):
         return (None, *grad_inputs)
 
 
-def _launch(arm: Arm, kernel: Any, names: str, tensors: tuple[Tensor, ...]) -> None:
-    arrays = [_as_warp(arm._kernels, name, t) for name, t in zip(names, tensors, strict=True)]
+def _launch(arm: Arm, kernel: wp.Kernel, letters: str, tensors: tuple[Tensor, ...]) -> None:
+    """Run ``kernel`` for every arm of ``tensors``, each (n, …) and of the element type that its letter stands for."""
+    elements = _elements(arm._types)
+    arrays = [
+        wp.from_torch(tensor, dtype=elements[letter], requires_grad=False)
+        for letter, tensor in zip(letters, tensors, strict=True)
+    ]
     wp.launch(kernel, dim=len(tensors[0]), inputs=[arm._p, *arrays], **launch_place(arm.device))
 
 
-def _as_warp(kernels: Any, name: str, tensor: Tensor) -> Any:
-    physics = kernels.physics
-    dtypes = {"j": physics.vec4, "c": physics.vec4, "m": kernels.muscles.rows, "e": physics.vec6, "l": physics.vec2}
-    return wp.from_torch(tensor, dtype=dtypes[name], requires_grad=False)
+def _elements(types: ArmTypes) -> dict[str, Any]:
+    """Return the element type of joint, muscle and cartesian state, excitation and load, by first letter."""
+    return {"j": types.vec4, "m": types.rows, "c": types.vec4, "e": types.vec6, "l": types.vec2}

@@ -32,7 +32,7 @@ OTHER_ARM = ArmParameters(
     min_activation=0.02,
     optimal_muscle_length=(0.12, 0.15, 0.09, 0.10, 0.13, 0.14),
 )
-SEEDS = ("joint", "muscle", "hand", "hidden")
+WATCHED = ("joint", "muscle", "hand", "hidden")
 
 few = settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: "-".join(map(str, shape)))
@@ -76,7 +76,7 @@ def weighted(term_weights, terms):
     return [(terms * weights).sum() for weights in term_weights]
 
 
-def random_seeds(rollout, names, seed=0):
+def random_upstream(rollout, names, seed=0):
     """Gradients of each stream's loss with respect to trajectories, of the size of the terms' or so."""
     generator = torch.Generator().manual_seed(seed)
     scale = {"joint": 0.3, "muscle": 0.01, "hand": 1.0, "hidden": 0.3}
@@ -90,9 +90,9 @@ def random_seeds(rollout, names, seed=0):
     )
 
 
-def with_seeds(losses, seeds, path):
-    """The streams' losses plus those that have the gradients ``seeds`` with respect to ``path``."""
-    given_seeds = {name: seed for name, seed in seeds._asdict().items() if seed is not None}
+def with_upstream(losses, upstream, path):
+    """The streams' losses plus those that have the gradients ``upstream`` with respect to ``path``."""
+    given_seeds = {name: seed for name, seed in upstream._asdict().items() if seed is not None}
     return [
         loss + sum((seed[stream] * getattr(path, name)).sum() for name, seed in given_seeds.items())
         for stream, loss in enumerate(losses)
@@ -148,10 +148,10 @@ def test_gradients_of_networks_with_each_a_lesion_of_its_own_are_autograds(
     rollout = make_rollout(networks, n_trials=2, n_streams=2, watches_state=True, watches_activity=True)
     set_lesions(rollout, networks, lesions)
     rollout.forward()
-    seeds = random_seeds(rollout, SEEDS)
-    gradient = rollout.backward(TERM_WEIGHTS, seeds)
+    upstream = random_upstream(rollout, WATCHED)
+    gradient = rollout.backward(TERM_WEIGHTS, upstream)
     path = roll_in_torch(networks, rollout)
-    losses = with_seeds(weighted(TERM_WEIGHTS, path.terms), seeds, path)
+    losses = with_upstream(weighted(TERM_WEIGHTS, path.terms), upstream, path)
     expected = torch.stack([gradient_rows(rollout.layout, networks, loss) for loss in losses])
     assert_rows_close(rollout.layout, gradient, expected, rtol=1e-9)
 
@@ -248,7 +248,7 @@ def test_any_number_of_networks_trials_steps_streams_and_threads(
 
 
 @each_of_three_shapes
-@pytest.mark.parametrize("names", [*((name,) for name in SEEDS), SEEDS], ids="+".join)
+@pytest.mark.parametrize("names", [*((name,) for name in WATCHED), WATCHED], ids="+".join)
 @pytest.mark.parametrize("term_weights", [0 * TERM_WEIGHTS, TERM_WEIGHTS], ids=["alone", "with terms"])
 def test_gradients_of_losses_on_trajectories_are_autograds(
     random_networks, make_rollout, roll_in_torch, gradient_rows, assert_rows_close, shape, names, term_weights
@@ -256,10 +256,10 @@ def test_gradients_of_losses_on_trajectories_are_autograds(
     networks = random_networks(*shape)
     rollout = make_rollout(networks, n_trials=3, n_streams=2, watches_state=True, watches_activity=True)
     rollout.forward()
-    seeds = random_seeds(rollout, names)
-    gradient = rollout.backward(term_weights, seeds)
+    upstream = random_upstream(rollout, names)
+    gradient = rollout.backward(term_weights, upstream)
     path = roll_in_torch(networks, rollout)
-    losses = with_seeds(weighted(term_weights, path.terms), seeds, path)
+    losses = with_upstream(weighted(term_weights, path.terms), upstream, path)
     expected = torch.stack([gradient_rows(rollout.layout, networks, loss) for loss in losses])
     assert_rows_close(rollout.layout, gradient, expected, rtol=1e-9)
 
@@ -270,8 +270,8 @@ def test_gradients_are_finite_differences_of_the_loss(random_networks, make_roll
     (network,) = random_networks(*shape, n=1)
     rollout = make_rollout([network], n_trials=3, n_streams=1, watches_state=True, watches_activity=True)
     rollout.forward()
-    seeds = random_seeds(rollout, SEEDS)
-    gradient = rollout.backward(TERM_WEIGHTS[:1], seeds)[0]
+    upstream = random_upstream(rollout, WATCHED)
+    gradient = rollout.backward(TERM_WEIGHTS[:1], upstream)[0]
 
     n, step = sum(v.size for v in rollout.layout.variables), 1e-6
     moved = make_rollout([network] * (2 * n), n_trials=3)
@@ -281,7 +281,7 @@ def test_gradients_are_finite_differences_of_the_loss(random_networks, make_roll
         part.copy_(own)
     moved.forward()
     losses = (moved.terms * TERM_WEIGHTS[0]).flatten(1).sum(1)
-    losses += sum((getattr(moved, name) * getattr(seeds, name)[0]).flatten(1).sum(1) for name in SEEDS)
+    losses += sum((getattr(moved, name) * getattr(upstream, name)[0]).flatten(1).sum(1) for name in WATCHED)
     difference = torch.zeros_like(gradient)
     difference[0, :n] = (losses[:n] - losses[n:]) / (2 * step)
     assert_rows_close(rollout.layout, gradient, difference, rtol=1e-6)
@@ -291,18 +291,18 @@ def test_seeds_of_one_backward_are_forgotten_by_the_next(random_networks, make_r
     rollout = make_rollout(random_networks(*PAPERS), n_streams=2, watches_state=True, watches_activity=True)
     rollout.forward()
     before = rollout.backward(TERM_WEIGHTS).clone()
-    rollout.backward(TERM_WEIGHTS, random_seeds(rollout, SEEDS))
+    rollout.backward(TERM_WEIGHTS, random_upstream(rollout, WATCHED))
     assert torch.equal(rollout.backward(TERM_WEIGHTS), before)
     assert torch.equal(rollout.backward(TERM_WEIGHTS, TrajectoryGradients()), before)
 
 
-@pytest.mark.parametrize("name", SEEDS)
+@pytest.mark.parametrize("name", WATCHED)
 def test_seeds_without_room_are_refused(random_networks, make_rollout, name):
     room = {"watches_state": name == "hidden", "watches_activity": name != "hidden"}
     rollout = make_rollout(random_networks(*PAPERS), n_streams=2, **room)
     rollout.forward()
     with pytest.raises(ValueError, match="without room for gradients"):
-        rollout.backward(TERM_WEIGHTS, random_seeds(rollout, [name]))
+        rollout.backward(TERM_WEIGHTS, random_upstream(rollout, [name]))
 
 
 def test_weights_and_trials_are_read_anew_each_time(random_networks, make_rollout, trajectories):
@@ -334,8 +334,8 @@ def in_single_precision(random_networks, make_rollout, s=slice(None), n_trials=4
         own.copy_(part[s])
     rollout.forward()
     shapes = make_rollout(networks, n_trials, n_steps, n_streams=2)
-    seeds = {name: seed[:, s].float() for name, seed in random_seeds(shapes, SEEDS)._asdict().items()}
-    rollout.backward(TERM_WEIGHTS, TrajectoryGradients(**seeds))
+    upstream = {name: seed[:, s].float() for name, seed in random_upstream(shapes, WATCHED)._asdict().items()}
+    rollout.backward(TERM_WEIGHTS, TrajectoryGradients(**upstream))
     return rollout
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from bilateral_rl.bptt import trainer as trainer_module
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trials import epoch_order, initial_weights_seed, training_trials, validation_trials
@@ -219,6 +220,38 @@ def test_validation_is_by_the_loss_that_trains_the_model_or_by_the_combined_one(
     terms, _ = reference.run(validation_trials(0, 8, make_task(config.task), config.trial))
     column = make_trainer(config).columns.index("validation_loss")
     assert float(state.history[0, 0, column]) == pytest.approx(float(reference.loss(loss, terms).detach()), rel=1e-4)
+
+
+def test_validation_measures_trials_from_where_they_start(make_trainer, small_bptt, monkeypatch):
+    config, measured = small_bptt(epochs=1), []
+    measure = trainer_module.trial_measures
+
+    def watch(distance, start_distance, threshold):
+        measured.append((distance, start_distance))
+        return measure(distance, start_distance, threshold)
+
+    monkeypatch.setattr(trainer_module, "trial_measures", watch)
+    finish(make_trainer(config))
+    for seed, (distance, start_distance) in enumerate(measured):
+        trials = validation_trials(seed, 8, make_task(config.task), config.trial)
+        hand = Arm(config.trial.arm).rest(trials.start).cartesian[:, :2]
+        np.testing.assert_allclose(start_distance, (hand - trials.target).norm(dim=1), rtol=1e-5)
+        assert distance.shape == (8, 20)
+    assert len(measured) == 2
+
+
+def test_the_number_of_torchs_threads_is_left_as_it_was(make_trainer, small_bptt):
+    threads, during = torch.get_num_threads(), []
+    torch.set_num_threads(2)
+    try:
+        trainer = make_trainer(small_bptt())
+        assert torch.get_num_threads() == 2
+        trainer.run_epoch(lambda _: during.append(torch.get_num_threads()) or True)
+        trainer.run_epoch(lambda _: False)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    assert set(during) == {1}
 
 
 @pytest.mark.parametrize("profile", ["paper", "released"])
