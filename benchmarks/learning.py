@@ -6,17 +6,19 @@ import argparse
 import json
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 
+PROGRAM = (sys.executable, "-m", "bilateral_rl.commands.app")
 TASKS = ("random_reach", "hold_position")
 
 
 def run_once(task: str, seed: int, extra: list[str]) -> str:
     """Train by the command line, evaluate, and say what came of it."""
     with tempfile.TemporaryDirectory() as folder:
-        command = ["bilateral-rl", "train", "--task", task, "--seed", str(seed), "--out", folder, *extra]
+        command = [*PROGRAM, "train", "--task", task, "--seed", str(seed), "--out", folder, *extra]
         began = time.monotonic()
         training = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         _, status, usage = os.wait4(training.pid, 0)
@@ -25,7 +27,7 @@ def run_once(task: str, seed: int, extra: list[str]) -> str:
         minutes, memory = (time.monotonic() - began) / 60, usage.ru_maxrss / 1e6
         (run,) = Path(folder).glob("*/*/")
         table = Path(folder) / "table.json"
-        subprocess.run(["bilateral-rl", "evaluate", str(run), "--json", table], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([*PROGRAM, "evaluate", str(run), "--json", table], check=True, stdout=subprocess.DEVNULL)
         row = json.loads(table.read_text())["by_threshold_m"]["0.05"]
     return (
         f"{task:14} seed {seed}: {row['goal_completion_percent']:5.1f} % completion, "

@@ -33,7 +33,7 @@ CALIBRATED: dict[str, Values] = {
     "hold_position": {"bptt": {"penalty": "weights", "penalty_coefficient": 3e-5}},
 }
 """What the paper leaves open, in profile ``paper``. Radii and penalty were chosen for claims C1 to C3, on unilateral
-models only, from the grid in ``benchmarks/README.md``; C4 to C14 are tests of what was chosen."""
+models only, from the grid in ``docs/paper.md``; C4 to C14 are tests of what was chosen."""
 _QUICK_TESTS = {"trials": 256, "retraining_trials": 640}
 _OWN = ("algo", "model", "task", "seeds", "profile")
 """Settings that tell a study's trainings apart, or that it has options for."""

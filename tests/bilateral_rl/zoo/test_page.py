@@ -1,4 +1,4 @@
-"""The README's commands of the zoo."""
+"""The commands that the page on the zoo shows."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rl_zoo3")
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = Path(__file__).parents[3] / "docs" / "zoo.md"
 LINE = re.compile(r"^python -m bilateral_rl\.zoo (.*)$", re.MULTILINE)
 SHORT = {
     "enjoy": "-n 100 --no-render",
@@ -18,7 +18,7 @@ SHORT = {
 
 
 def test_the_commands_run(zoo, tmp_path):
-    commands = LINE.findall(README.read_text(encoding="utf-8"))
+    commands = LINE.findall(PAGE.read_text(encoding="utf-8"))
     assert {"train", "enjoy"} <= {command.split()[0] for command in commands}
     for command in commands:
         zoo(f"{command} {next(short for word, short in SHORT.items() if word in command)}")

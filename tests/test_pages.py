@@ -1,0 +1,81 @@
+"""What README, docs/ and examples/ show works as it stands there, and every link in a page leads somewhere."""
+
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from bilateral_rl.commands.app import app
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.run import train
+
+ROOT = Path(__file__).parents[1]
+PAGES = [path for pattern in ("*.md", "docs/**/*.md", "*/README.md") for path in sorted(ROOT.glob(pattern))]
+TEXTS = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
+BLOCKS = [
+    pytest.param(block, id=f"{page}-{number}")
+    for page, text in TEXTS.items()
+    for number, block in enumerate(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+]
+EXAMPLES = sorted(ROOT.glob("examples/*.py"))
+
+
+@pytest.mark.parametrize("script", BLOCKS)
+def test_a_script_in_a_page_runs(script, tmp_path):
+    if "runs/random_reach/cc_s-bptt-1" in script:
+        few = {"trials": 32, "batch_size": 16, "validation_trials": 4}
+        train(resolve("bptt", None, [{"seeds": 4, "epochs": 1, "bptt": few}]), tmp_path / "runs")
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs(example, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(example), run_name="__main__")
+
+
+def test_examples_are_listed_in_their_readme():
+    listed = re.findall(r"^\| `(\w+\.py)` \|", TEXTS["examples/README.md"], re.MULTILINE)
+    assert sorted(listed) == [path.name for path in EXAMPLES]
+
+
+def test_every_command_shown_has_the_options_that_it_is_shown_with():
+    commands = typer.main.get_group(app).commands
+    lines = [line for text in TEXTS.values() for line in re.findall(r"^bilateral-rl (.*)$", text, re.MULTILINE)]
+    shown = [line.split("#")[0].split() for line in lines]
+    assert {name for name, *_ in shown} >= {*commands} - {"list"}
+    for name, *words in shown:
+        known = {option for one in commands[name].params for option in one.opts + one.secondary_opts}
+        assert {word for word in words if word.startswith("--")} <= known, (name, words)
+
+
+def test_the_readme_lists_every_command():
+    listed = re.findall(r"^\| `bilateral-rl (\w+)", TEXTS["README.md"], re.MULTILINE)
+    assert listed == list(typer.main.get_group(app).commands)
+
+
+def test_there_are_scripts():
+    assert len(BLOCKS) >= 5
+    assert len(EXAMPLES) >= 7
+
+
+@pytest.mark.parametrize("page", TEXTS)
+def test_every_link_leads_somewhere(page):
+    for link in re.findall(r"\]\(([^)]+)\)", TEXTS[page]):
+        if link.startswith("https://"):
+            continue
+        file, _, anchor = link.partition("#")
+        target = (ROOT / page).parent / file if file else ROOT / page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def anchors(page):
+    """The names by which a page's headings are linked."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
