@@ -10,20 +10,21 @@ from pathlib import Path
 
 import pandas as pd
 from rich.console import Console
+from rich.markup import escape
 
-from bilateral_rl.analysis.comparison import compare, compare_lesions
+from bilateral_rl.analysis.comparison import Comparison, compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
-from bilateral_rl.analysis.results import COLUMNS, RETRAINING, State, read_results
+from bilateral_rl.analysis.results import COLUMNS, RETRAINING, State
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
-from bilateral_rl.commands.lesion import RESULTS, default_place
 from bilateral_rl.commands.writing import apart_from, write
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, parse_run
+from bilateral_rl.study.lesion_folder import LesionFolder
 
 _NO_TREATMENT = ("seed", "seeds", "device", "threads", "init_from", "track", "evaluation")
 """Settings in which the seeds of one group may differ."""
@@ -80,16 +81,11 @@ def _compare_models(
         for own, policy in load_policies(one.folder, seed=one.only).items():
             rows += [(*head, own, INTACT, False, *pair) for pair in measure(evaluator.run(policy), metrics).items()]
     results = pd.DataFrame(rows, columns=list(COLUMNS))
-    tables = []
-    for metric in metrics:
-        comparison = compare(results, metric.name, chosen[0].config.task)
-        print_comparison(comparison, "", console)
-        tables.append(comparison.pairs.assign(metric=metric.name))
-    print_methods(comparison, console)
-    if len({dataclasses.replace(one.config.trial, threshold=1.0) for one in chosen}) > 1:
-        note = "these runs' trials differ (trial in config.yaml), and each was tested in its own."
-        console.print(f"[yellow]Note:[/yellow] {note}", highlight=False)
-    _write(tables, csv)
+    comparisons = [(compare(results, metric.name, chosen[0].config.task), "") for metric in metrics]
+    tables = [comparison.pairs.assign(metric=comparison.metric) for comparison, _ in comparisons]
+    trials_differ = len({dataclasses.replace(one.config.trial, threshold=1.0) for one in chosen}) > 1
+    note = "these runs' trials differ (trial in config.yaml), and each was tested in its own."
+    _report(comparisons, tables, [note] if trials_differ else [], csv, console)
 
 
 def _labels(chosen: Sequence[_Chosen]) -> list[str]:
@@ -132,26 +128,36 @@ def _check_each_seed_is_there_once(chosen: Sequence[_Chosen]) -> None:
 
 
 def _compare_lesions(one: _Chosen, metrics: Sequence[Metric], csv: Path | None, console: Console) -> None:
-    path = default_place(one.folder, one.only) / RESULTS
-    if not path.is_file():
-        command = f"bilateral-rl lesion {one.name(str(one.folder.path))}"
-        raise UserError(f"One run is compared by its lesions: call `{command}` first.")
-    results = read_results(path)
-    there = list(dict.fromkeys(results["metric"]))
-    tables = []
+    folder = LesionFolder.beside(one.folder, one.only)
+    results, notes = folder.read(one.folder, one.name(str(one.folder.path)))
+    measured = list(dict.fromkeys(results["metric"]))
+    comparisons, tables = [], []
     for metric in metrics:
-        if metric.name not in there:
-            raise UserError(f"{path} has no {metric.name}; choose a --metric from {', '.join(there)}.")
+        if metric.name not in measured:
+            raise UserError(f"{folder.path} has no {metric.name}; choose a --metric from {', '.join(measured)}.")
         for retrained, words in RETRAINING.items():
             if (results["retrained"] == retrained).any():
                 state = State(one.config.task, one.config.model, retrained=retrained)
                 comparison = compare_lesions(results, metric.name, state)
-                print_comparison(comparison, f"{one.config.model}, {words}", console)
+                comparisons.append((comparison, f"{one.config.model}, {words}"))
                 tables.append(comparison.pairs.assign(metric=metric.name, retrained=retrained))
-    print_methods(comparison, console)
-    _write(tables, csv)
+    _report(comparisons, tables, notes, csv, console)
 
 
-def _write(tables: Sequence[pd.DataFrame], csv: Path | None) -> None:
-    if csv is not None:
-        write(csv, pd.concat(tables).to_csv(index=False))
+def _report(
+    comparisons: Sequence[tuple[Comparison, str]],
+    tables: Sequence[pd.DataFrame],
+    notes: Sequence[str],
+    csv: Path | None,
+    console: Console,
+) -> None:
+    """Write the tables of pairs, if that is requested, then print the comparisons with words about each, and notes."""
+    try:
+        if csv is not None:
+            write(csv, pd.concat(tables).to_csv(index=False))
+    finally:
+        for comparison, words in comparisons:
+            print_comparison(comparison, words, console)
+        print_methods(comparisons[-1][0], console)
+        for note in notes:
+            console.print(f"[yellow]Note:[/yellow] {escape(note)}", highlight=False, soft_wrap=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
@@ -27,24 +28,50 @@ def evaluate(
     json_file: Path | None,
     console: Console,
 ) -> None:
-    """Test a run's policies, or one of them, and print, and perhaps write, their measures."""
+    """Test a run's policies, or one of them; perhaps write, and print, their measures.
+
+    Args:
+        run: RUN, or RUN:SEED for one policy of it.
+        trials: number of trials.
+        seed: seed of the first trial.
+        deterministic: whether the policies act by the mean of their actions.
+        weights: which of the run's weights.
+        csv: file for one row a trial; "-" for the terminal, None for no file.
+        json_file: file for the table, likewise.
+        console: where to print.
+
+    Raises:
+        UserError: a run that cannot be tested, or a file that cannot be written; the table is printed all the same.
+    """
     check_trials(trials, seed)
     console = apart_from(console, csv, json_file)
     folder, only = parse_run(run)
     config = folder.config()
     evaluator = Evaluator(config.task, config.trial, trials, seed)
     policies = load_policies(folder, weights, only)
-    records = {own: evaluator.run(policy, deterministic) for own, policy in policies.items()}
-    console.print(measures_table(records, config, f"{run} ({weights}), {trials} trials of seed {seed}"))
-    threshold = config.trial.threshold
+    records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
+    head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
+    try:
+        _write(records, head, config.trial.threshold, csv, json_file)
+    finally:
+        console.print(measures_table(records, config, f"{run} ({weights}), {trials} trials of seed {seed}"))
+
+
+def _write(
+    records: Mapping[int, TrialRecord],
+    head: Mapping[str, Any],
+    threshold: float,
+    csv: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Write the files that are requested: a row a trial, and the table, headed by what was tested."""
     if csv is not None:
-        tables = [record.table(threshold).assign(seed=own) for own, record in records.items()]
+        tables = [record.table(threshold).assign(seed=seed) for seed, record in records.items()]
         write(csv, pd.concat(tables).to_csv(index=False))
     if json_file is not None:
-        head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
-        by_seed = {own: _by_threshold(record, threshold) for own, record in records.items()}
+        by_seed = {seed: _by_threshold(record, threshold) for seed, record in records.items()}
         measures = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
-        write(json_file, json.dumps(finite(head | measures), indent=2, allow_nan=False) + "\n")
+        write(json_file, json.dumps(finite({**head, **measures}), indent=2, allow_nan=False) + "\n")
 
 
 def _by_threshold(record: TrialRecord, threshold: float) -> dict[str, dict[str, float]]:

@@ -2,42 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
-import json
 import shlex
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
-from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.analysis.results import RETRAINING, State, by_seed
 from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
 from bilateral_rl.commands.checks import check_trials
-from bilateral_rl.config.parse import plain
-from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import with_unit
-from bilateral_rl.figures.lesions import lesion_effects
-from bilateral_rl.figures.saving import save
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.io.files import refuse_traps, replacing
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import parse_run
+from bilateral_rl.study.lesion_folder import RESULTS, LesionFolder, lesion_metrics
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
-
-RESULTS, SETTINGS = "lesions.csv", "settings.json"
-_SHOWN = ("final_error",)
-"""Metrics on the screen, beside the task's preferred one."""
 
 
 def lesion(
@@ -52,68 +36,41 @@ def lesion(
     out: Path | None,
     console: Console,
 ) -> None:
-    """Test a run's networks intact and lesioned; print, and write beside the run, what they do."""
+    """Test a run's networks intact and lesioned; write beside the run, and print, what they do.
+
+    Args:
+        run: RUN, or RUN:SEED for one network of it.
+        lesions: their names; None for all that the model can have.
+        retrain: whether the output layer also adapts for one epoch in each state.
+        profile: whose combined lesions: "paper" or "released"; None for the run's profile.
+        trials: number of trials of each test.
+        seed: seed of the first trial.
+        weights: which of the run's weights.
+        out: folder of the results; None for the one beside the run.
+        console: where to print.
+
+    Raises:
+        UserError: what cannot be lesioned or written; nothing is left then.
+    """
     check_trials(trials, seed)
     folder, only = parse_run(run)
     settings = LesionSettings(tuple(lesions) if lesions else None, retrain, profile, trials, seed)
     study = LesionStudy(folder, settings, only, weights)
-    place = out or default_place(folder, only)
-    asked = plain({"run": str(folder.path.resolve()), "weights": weights, **dataclasses.asdict(settings)})
-    if out is None and place.is_symlink():
-        raise UserError(f"{place} is a link; name where it leads by --out, or remove it.")
-    with _claimed(place, folder, asked):
+    output = LesionFolder(out) if out else LesionFolder.beside(folder, only)
+    if out is None and output.path.is_symlink():
+        raise UserError(f"{output.path} is a link; name where it leads by --out, or remove it.")
+    description = output.describe(folder, settings, only, weights)
+    with output.claimed(folder, description):
+        replaces_stale = output.holds_stale_results(folder)
         results = _with_progress(study, console)
-    title = escape(f"{run} ({weights}), {trials} trials of seed {seed}")
-    console.print(f"[italic]{title}", soft_wrap=True, highlight=False)
-    console.print(_table(results, study))
-    if index := _specialization(results, study):
-        console.print(index, highlight=False)
-    _write(results, study.config, place, asked)
-    shown = escape(shlex.quote(str(place)))
-    console.print(
-        f"Saved in [bold]{shown}[/bold]: {RESULTS}, figures and tensorboard.", soft_wrap=True, highlight=False
-    )
-
-
-def default_place(folder: RunFolder, only: int | None) -> Path:
-    """Beside the run, or the one seed of it."""
-    seed = "" if only is None else f"-seed-{only}"
-    path = folder.path.resolve()
-    return path.with_name(f"{path.name}{seed}-lesions")
-
-
-@contextlib.contextmanager
-def _claimed(place: Path, folder: RunFolder, asked: Mapping[str, Any]) -> Iterator[None]:
-    """A context in which ``place`` is there to write into; if anything fails, nothing is left of it.
-
-    Raises:
-        UserError: other files could be harmed there, or none be written.
-    """
-    is_new = not place.exists()
-    try:
-        _check_place(place, folder, asked)
-        yield
-    except BaseException:
-        if is_new:
-            with contextlib.suppress(OSError):
-                place.rmdir()
-        raise
-
-
-def _check_place(place: Path, folder: RunFolder, asked: Mapping[str, Any]) -> None:
-    if place.resolve().is_relative_to(folder.path.resolve()):
-        raise UserError(f"{place} lies in the run, which stays as it is; choose another --out.")
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        refuse_traps(place)
-        if any(place.iterdir()) and not (place / RESULTS).is_file():
-            raise UserError(f"{place} holds other things than an earlier {RESULTS}; choose another --out.")
-        if RunFolder(place).read_json(SETTINGS, default=asked) != asked:
-            raise UserError(f"{place} holds lesions made with other settings; choose another --out, or remove it.")
-        with tempfile.TemporaryFile(dir=place):
-            pass
-    except OSError as error:
-        raise UserError(f"Cannot write {place}: {error.strerror}. Choose another --out.") from None
+        try:
+            output.write(results, description, study.config)
+        finally:
+            _print(results, study, f"{run} ({weights}), {trials} trials of seed {seed}", console)
+    if replaces_stale:
+        console.print("[yellow]Note:[/yellow] these take the place of lesions of weights that the run no longer has.")
+    path = escape(shlex.quote(str(output.path)))
+    console.print(f"Saved in [bold]{path}[/bold]: {RESULTS}, figures and tensorboard.", soft_wrap=True, highlight=False)
 
 
 def _with_progress(study: LesionStudy, console: Console) -> pd.DataFrame:
@@ -126,8 +83,11 @@ def _with_progress(study: LesionStudy, console: Console) -> pd.DataFrame:
         return study.run(on_state)
 
 
-def _metrics(config: TrainConfig) -> list[Metric]:
-    return [find_metric(name) for name in (preferred_metric(config.task, config.trial.threshold), *_SHOWN)]
+def _print(results: pd.DataFrame, study: LesionStudy, title: str, console: Console) -> None:
+    console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
+    console.print(_table(results, study))
+    if index := _specialization(results, study):
+        console.print(index, highlight=False)
 
 
 def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
@@ -135,7 +95,7 @@ def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
     table = Table("lesion")
     for retrained in _treatments(study):
         table.add_column(RETRAINING[retrained], justify="right")
-    for metric in _metrics(study.config):
+    for metric in lesion_metrics(study.config):
         table.add_section()
         table.add_row(f"[bold]{with_unit(metric)}")
         for name in study.names:
@@ -151,7 +111,7 @@ def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
     """The specialization index in words; empty unless both sides were lesioned."""
     if not set(ALONE.values()) <= set(study.names):
         return ""
-    metric, parts = _metrics(study.config)[0], []
+    metric, parts = lesion_metrics(study.config)[0], []
     for retrained in _treatments(study):
         state = State(study.config.task, study.config.model, retrained=retrained)
         index = specialization_by_seed(results, metric.name, state)
@@ -161,20 +121,3 @@ def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
 
 def _treatments(study: LesionStudy) -> tuple[bool, ...]:
     return (False, True) if study.settings.retrain else (False,)
-
-
-def _write(results: pd.DataFrame, config: TrainConfig, place: Path, asked: Mapping[str, Any]) -> None:
-    for pattern in ("events.out.tfevents.*", "lesions_*.png", "lesions_*.pdf"):
-        for old in place.glob(pattern):
-            old.unlink()
-    with replacing(place / RESULTS) as temporary:
-        results.to_csv(temporary, index=False)
-    with replacing(place / SETTINGS) as temporary:
-        temporary.write_text(json.dumps(asked, indent=2) + "\n", encoding="utf-8")
-    for metric in _metrics(config):
-        save(lesion_effects(results, config.task, metric, [config.model]), place / f"lesions_{metric.name}")
-    with SummaryWriter(str(place)) as board:
-        means = results.groupby(["metric", "lesion", "retrained"], sort=False)["value"].mean().reset_index()
-        for row in means.to_dict("records"):
-            # Along the x axis: epochs of retraining.
-            board.add_scalar(f"lesions_{row['metric']}/{row['lesion']}", row["value"], int(row["retrained"]))

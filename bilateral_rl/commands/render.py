@@ -67,8 +67,6 @@ def render(
     _check_speed(slow_down, settings.arm.timestep)
     path = out or default_path(actors, lesion, weights)
     files.check_path(path)
-    for note in [*_seed_notes(actors), *notes]:
-        console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     evaluator = Evaluator(actors[0].config.task, settings, trials, seed)
     takes = [
         actor.perform(evaluator, lesion, settings.threshold, label)
@@ -78,6 +76,8 @@ def render(
     pictures = track(film, "drawing", console=console, transient=True, disable=not console.is_terminal)
     arguments = ["--trials", str(trials), "--seed", str(seed), "--lesion", lesion, "--weights", weights]
     files.write(path, film, pictures, shlex.join([*runs, *arguments]))
+    for note in [*_seed_notes(actors), *notes]:
+        console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     shown = escape(shlex.quote(str(path)))
     console.print(f"Saved {len(film) / film.fps:.0f} s of video in [bold]{shown}[/bold].", soft_wrap=True)
     return path

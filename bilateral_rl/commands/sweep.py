@@ -14,14 +14,14 @@ from rich.table import Table
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.commands.checks import check_trials
-from bilateral_rl.commands.reproduce import leave_if_interrupted, run_jobs
+from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
 from bilateral_rl.config import parse as settings
 from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
-from bilateral_rl.study.folder import claim_folder
-from bilateral_rl.study.jobs import JobState
+from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.lesioning import measured_metrics
+from bilateral_rl.study.outcome import unsourced
 from bilateral_rl.study.plan import side_by_side
 from bilateral_rl.study.sweep import Sweep, parse_grid, point_name, read_sweep
 
@@ -38,48 +38,66 @@ def sweep(
     out: Path | None,
     console: Console,
 ) -> None:
-    """Train at every point of a grid and print what came out, a row a point."""
+    """Train at every point of a grid, and print what came out, a row a point.
+
+    Args:
+        algo: the algorithm of every training.
+        grid: settings with their values, as ``--grid`` takes them.
+        overrides: settings of every training, as ``--set`` takes them.
+        metrics: names of the metrics to print; None for each task's preferred one and the final error.
+        trials: number of trials of each test.
+        n_jobs: number of trainings at a time; None for one a CPU.
+        ray: address of a Ray cluster; None for this machine.
+        out: folder of the sweep; None for ``runs/sweep``.
+        console: where to print.
+
+    Raises:
+        UserError: a sweep that cannot be made, or not there, or of which nothing is done.
+        SystemExit: somebody stopped it.
+    """
     check_trials(trials)
-    wanted = [find_metric(name) for name in metrics or []]
+    requested_metrics = [find_metric(name) for name in metrics or []]
     study = Sweep(algo, parse_grid(grid), settings.parse_overrides(overrides), trials)
     at_once, threads = side_by_side(n_jobs, len(study.points()))
     jobs = study.jobs(threads)
-    _check_measured(study, wanted)
+    _check_measured(study, requested_metrics)
     folder = out or Path("runs") / "sweep"
-    claim_folder(folder, study.to_values())
-    outcomes = run_jobs(jobs, folder, at_once, ray, "sweep", console)
-    leave_if_interrupted(outcomes, console)
-    for outcome in outcomes:
-        if outcome.state == JobState.FAILED:
-            console.print(f"[red]Failed:[/red] {escape(f'{outcome.job.name}: {outcome.error}')}", soft_wrap=True)
+    with claimed_folder(folder, study.to_values()):
+        outcomes = run_jobs(jobs, folder, title="sweep", at_once=at_once, ray=ray, console=console)
     results = read_sweep(study, folder)
+    if not results.empty:
+        with replacing(folder / "sweep.csv") as temporary:
+            results.to_csv(temporary, index=False)
+    print_failures(outcomes, console)
     if results.empty:
         raise UserError(f"No training of the sweep is done; the logs are in {folder / 'logs'}.")
-    with replacing(folder / "sweep.csv") as temporary:
-        results.to_csv(temporary, index=False)
-    console.print(_table(study, results, wanted))
-    shown = escape(shlex.quote(str(folder / "sweep.csv")))
-    console.print(f"Every metric of every seed: [bold]{shown}[/bold]", soft_wrap=True, highlight=False)
+    console.print(_table(study, results, requested_metrics))
+    print_unsourced(unsourced(folder / job.result for job in jobs), console)
+    path = escape(shlex.quote(str(folder / "sweep.csv")))
+    console.print(f"Every metric of every seed: [bold]{path}[/bold]", soft_wrap=True, highlight=False)
 
 
 def _check_measured(study: Sweep, metrics: Sequence[Metric]) -> None:
-    there = {metric.name: None for point in study.points() for metric in measured_metrics(study.config(point))}
+    """Raise a UserError for a metric that no training of the sweep is measured by."""
+    measured = {metric.name: None for point in study.points() for metric in measured_metrics(study.config(point))}
     for metric in metrics:
-        if metric.name not in there:
-            raise UserError(f"No training of the sweep is measured by {metric.name}; choose from {', '.join(there)}.")
+        if metric.name not in measured:
+            raise UserError(
+                f"No training of the sweep is measured by {metric.name}; choose from {', '.join(measured)}."
+            )
 
 
 def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Table:
     """Mean ± standard deviation over the seeds, a row a point."""
-    shown = list(metrics) or _preferred(study)
+    metrics = list(metrics) or _preferred(study)
     table = Table(*(name.rpartition(".")[2] for name in study.grid), title="Sweep", title_justify="left")
-    for metric in shown:
+    for metric in metrics:
         table.add_column(with_unit(metric), justify="right")
     table.add_column("seeds", justify="right")
     for point in study.points():
         rows = results[results["point"] == point_name(point)]
         if len(rows):
-            cells = [mean_sd(rows.loc[rows["metric"] == metric.name, "value"]) for metric in shown]
+            cells = [mean_sd(rows.loc[rows["metric"] == metric.name, "value"]) for metric in metrics]
             table.add_row(*map(escape, point.values()), *cells, str(rows["seed"].nunique()))
     return table
 

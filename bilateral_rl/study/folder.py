@@ -1,7 +1,9 @@
-"""The folder of a study, which holds one and goes on with no other."""
+"""The folder of a study, which holds one study and goes on with no other."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import yaml
@@ -10,37 +12,72 @@ from bilateral_rl.config.parse import Values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import refuse_traps, replacing
 from bilateral_rl.io.yaml_files import read_settings
-from bilateral_rl.study.jobs import make_study_folder
 
 STUDY_FILE = "study.yaml"
 
 
-def claim_folder(folder: Path, study: Values) -> None:
-    """Make ``folder`` that of the study that ``study`` describes, or see that it is.
+@contextlib.contextmanager
+def new_folder(path: Path) -> Iterator[None]:
+    """A context that makes ``path`` and its parents; should it fail, those of them that are still empty vanish again.
+
+    Raises:
+        OSError: the folder cannot be made.
+    """
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for folder in missing:
+            with contextlib.suppress(OSError):  # not empty, or never made
+                folder.rmdir()
+        raise
+
+
+@contextlib.contextmanager
+def claimed_folder(folder: Path, study: Values) -> Iterator[None]:
+    """A context in which ``folder`` is that of the study that ``study`` describes.
+
+    If the study is refused in the context before anything of it is done, no trace of it is left.
 
     Raises:
         UserError: a folder that cannot be written, or not without harm to other things, or that holds another study or
             other things.
     """
-    make_study_folder(folder)
-    refuse_traps(folder)
     path = folder / STUDY_FILE
-    if path.is_file():
-        _check_same(path, read_settings(path, within=folder), study)
-        return
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(new_folder(folder))
+            refuse_traps(folder)
+            if path.is_file():
+                _check_same(path, read_settings(path, within=folder), study)
+            else:
+                stack.enter_context(_new_file(path, yaml.safe_dump(study, sort_keys=False)))
+        except OSError as error:
+            raise UserError(f"Cannot write the study {folder}: {error.strerror}. Choose another --out.") from None
+        yield
+
+
+@contextlib.contextmanager
+def _new_file(path: Path, text: str) -> Iterator[None]:
+    """A context that writes the description of a study; if the study is refused and left nothing else, it vanishes."""
+    folder = path.parent
+    if any(folder.iterdir()):
+        raise UserError(f"{folder} is not empty and holds no study; choose another --out.")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     try:
-        if any(folder.iterdir()):
-            raise UserError(f"{folder} is not empty and holds no study; choose another --out.")
-        with replacing(path) as temporary:
-            temporary.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"Cannot write the study {folder}: {error.strerror}. Choose another --out.") from None
+        yield
+    except Exception:
+        if list(folder.iterdir()) == [path]:
+            path.unlink()
+        raise
 
 
-def _check_same(path: Path, there: Values, wanted: Values) -> None:
-    for name in there | wanted:
-        if there.get(name) != wanted.get(name):
+def _check_same(path: Path, stored: Values, requested: Values) -> None:
+    for name in stored | requested:
+        if stored.get(name) != requested.get(name):
             raise UserError(
-                f"{path.parent} holds a study with {name} = {there.get(name)!r}, not {wanted.get(name)!r}: "
+                f"{path.parent} holds a study with {name} = {stored.get(name)!r}, not {requested.get(name)!r}: "
                 "go on with it as it was begun, or choose another --out."
             )

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bilateral_rl.config.parse import Values
+from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.runs.folder import FAILED, FINISHED, RunFolder, find_runs
+from bilateral_rl.runs.folder import FAILED, FINAL, FINISHED, RunFolder, find_runs
 from bilateral_rl.study.jobs import JobProgress
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
+from bilateral_rl.study.provenance import describe_source, source_file
 from bilateral_rl.training import run as training
 from bilateral_rl.training.session import Outcome, Progress
 
@@ -42,9 +44,10 @@ def train_and_measure(
         UserError: a training that failed.
         KeyboardInterrupt: somebody stopped the training; it is saved.
     """
-    wanted = resolve(None, None, [config])
-    run = _trained_run(folder / runs, wanted, progress)
-    study = LesionStudy(run, LesionSettings(threads=getattr(wanted, "threads", 1), **lesions))
+    resolved = resolve(None, None, [config])
+    run = _trained_run(folder / runs, resolved, progress)
+    settings = LesionSettings(threads=getattr(resolved, "threads", 1), **lesions)
+    study = LesionStudy(run, settings)
 
     def on_state(done: int, total: int, name: str) -> None:
         share = _TRAINING_SHARE + (1 - _TRAINING_SHARE) * done / total
@@ -53,7 +56,9 @@ def train_and_measure(
     results = study.run(on_state)
     path = folder / result
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as temporary:
+    source = describe_source(run, FINAL, path.parent) | dataclasses.asdict(settings)
+    RunFolder(path.parent).write_json(source_file(path).name, plain(source))
+    with replacing(path) as temporary:  # last: its presence says that the job is done
         results.to_csv(temporary, index=False)
 
 

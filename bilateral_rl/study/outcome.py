@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -16,17 +16,31 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.study.model_job import find_run
 from bilateral_rl.study.plan import results_file, runs_folder
+from bilateral_rl.study.provenance import is_stale, read_source, source_path
 
 _MOST_POINTS, _MOST_VALUES = 10**5, 10**7
 """Of a learning curve, in time and over all seeds: far more than can be seen."""
 
 
 def read_result(path: Path) -> pd.DataFrame:
-    """The long table (:mod:`bilateral_rl.analysis.results`) of one training. Raises UserError if it is damaged."""
+    """Read the long table (:mod:`bilateral_rl.analysis.results`) of one training.
+
+    Raises:
+        UserError: it is damaged, or of weights that its run no longer has.
+    """
     try:
-        return results.read_results(path)
+        table, source = results.read_results(path), read_source(path)
+        run_path = source_path(source, path.parent)
+        if run_path is not None and run_path.is_dir() and is_stale(source, RunFolder(run_path)):
+            raise UserError(f"{path} is of weights that {run_path} no longer has.")
     except UserError as error:
         raise UserError(f"{str(error).rstrip('.')}; remove it and call the command again.") from None
+    return table
+
+
+def unsourced(results_paths: Iterable[Path]) -> list[Path]:
+    """The tables of trainings that do not say which weights they are of, as those of version 0.1.0."""
+    return [path for path in results_paths if path.is_file() and "weights_hash" not in read_source(path)]
 
 
 def results_of(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:

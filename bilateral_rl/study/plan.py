@@ -71,6 +71,11 @@ class Study:
         """Of its folder."""
         return "-".join(["reproduce", self.algo, self.profile, *(["quick"] if self.quick else [])])
 
+    @property
+    def n_jobs(self) -> int:
+        """Number of jobs that the study comes to."""
+        return len(TASKS) * len(MODELS) * (1 if self.algo == "bptt" else self.seeds)
+
     def configs(self, threads: int = 1) -> list[TrainConfig]:
         """Every training: of all seeds at once where the algorithm can, else one a seed.
 

@@ -28,7 +28,7 @@ from bilateral_rl.config.schema import CONFIGS, BPTTConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import build_network, build_policy, load_policies, stack_states
-from bilateral_rl.study.folder import claim_folder
+from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.outcome import learning_history
 from bilateral_rl.training import checkpoint as rl_state
 from bilateral_rl.training.build import build_algorithm
@@ -227,7 +227,7 @@ def make_loaders(folder: Path) -> list[Loader]:
     return [
         *loaders,
         _loader("settings.json", place, "settings.json", _for_text, lambda: place.read_json("settings.json")),
-        _loader("study.yaml", place, "study.yaml", _for_text, lambda: claim_folder(place.path, _STUDY)),
+        _loader("study.yaml", place, "study.yaml", _for_text, lambda: claimed_folder(place.path, _STUDY).__enter__()),
         _loader("results", place, "results/cc_s.csv", _for_tables, lambda: read_results(results)),
         _loader("epochs.csv", bptt, "epochs.csv", _for_tables, lambda: learning_history({"cc_s": [bptt]})),
         _loader("evaluations.csv", rl, "evaluations.csv", _for_tables, lambda: learning_history({"cc_s": [rl]})),

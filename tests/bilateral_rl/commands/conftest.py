@@ -8,12 +8,11 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from bilateral_rl.commands import app as cli
-from bilateral_rl.commands import lesion
 from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import build_network, build_policy, stack_states
-from bilateral_rl.study import plan, sweep
+from bilateral_rl.study import lesion_folder, plan, sweep
 
 SHORT = {"trial": {"trial_length": 10}}
 SHORT_BPTT = {"bptt": {"trials": 32, "batch_size": 16}}
@@ -45,8 +44,8 @@ def invoke(tmp_path, monkeypatch):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures take a second each."""
-    monkeypatch.setattr(lesion, "save", lambda figure, path: None)
-    monkeypatch.setattr(lesion, "lesion_effects", lambda *arguments: None)
+    monkeypatch.setattr(lesion_folder, "save", lambda figure, path: None)
+    monkeypatch.setattr(lesion_folder, "lesion_effects", lambda *arguments: None)
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from bilateral_rl.commands import reproduce as command
-from bilateral_rl.commands.train import INTERRUPTED_EXIT
+from bilateral_rl.commands import jobs as command
+from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import local, reproduction

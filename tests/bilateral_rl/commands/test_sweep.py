@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.commands import sweep as command
-from bilateral_rl.commands.train import INTERRUPTED_EXIT
+from bilateral_rl.commands import jobs as command
+from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import JobOutcome, JobState
 
@@ -98,7 +98,7 @@ def test_interrupted_it_says_so(invoke, monkeypatch, tmp_path):
     def stop(jobs, *_):
         return [JobOutcome(job, JobState.INTERRUPTED) for job in jobs]
 
-    monkeypatch.setattr(command, "run_jobs", stop)
+    monkeypatch.setattr(command, "run_local", stop)
     code, out = invoke("sweep", *GRID)
     assert code == INTERRUPTED_EXIT
     assert "Stopped with 0 of 4 jobs done; the same command goes on." in out

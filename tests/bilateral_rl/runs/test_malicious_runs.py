@@ -25,7 +25,7 @@ from bilateral_rl.io.terminal import Terminal
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, network_states
-from bilateral_rl.study.folder import claim_folder
+from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.outcome import learning_history, read_result
 from bilateral_rl.training import run as training
 
@@ -534,7 +534,8 @@ def test_a_study_that_is_done_is_read(call, study):
 
 def claim(folder):
     """As a sweep begins."""
-    return claim_folder(folder, {"sweep": {"seed": ["0"]}, "algo": "bptt", "overrides": {}, "trials": 4})
+    with claimed_folder(folder, {"sweep": {"seed": ["0"]}, "algo": "bptt", "overrides": {}, "trials": 4}):
+        pass
 
 
 @pytest.mark.parametrize("trap", [*hostile.YAMLS, *hostile.PICKLES])

@@ -7,11 +7,16 @@ from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.study import folder as module
-from bilateral_rl.study.folder import STUDY_FILE, claim_folder
+from bilateral_rl.study.folder import STUDY_FILE, claimed_folder, new_folder
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.sweep import Sweep
 
 OVERRIDES = parse_overrides(["epochs=3", "bptt.learning_rate=1e-2", "bptt.patience=2"])
+
+
+def claim_folder(folder, study):
+    with claimed_folder(folder, study):
+        pass
 
 
 def values(**changes):
@@ -86,3 +91,27 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "replacing", full)
     with pytest.raises(UserError, match=r"No space left on device\. Choose another --out"):
         claim_folder(tmp_path / "study", values())
+
+
+def test_no_trace_is_left_of_a_study_that_is_refused_before_anything_is_done(tmp_path):
+    folder = tmp_path / "a" / "b" / "study"
+    with pytest.raises(UserError, match="no cluster"), claimed_folder(folder, values()):
+        raise UserError("There is no cluster.")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_study_that_was_begun_stays_when_it_is_refused(tmp_path):
+    logs = tmp_path / "study" / "logs"
+    with pytest.raises(FileExistsError), claimed_folder(tmp_path / "study", values()):
+        logs.mkdir() or logs.mkdir()
+    with pytest.raises(UserError, match="no cluster"), claimed_folder(tmp_path / "study", values()):
+        raise UserError("There is no cluster.")
+    assert {path.name for path in (tmp_path / "study").iterdir()} == {STUDY_FILE, "logs"}
+
+
+def test_folders_vanish_with_what_fails_if_they_are_empty(tmp_path):
+    file = tmp_path / "there" / "new" / "file"
+    file.parents[1].mkdir()
+    with pytest.raises(NotADirectoryError), new_folder(file.parent / "deep"):
+        file.touch() or (file / "below").touch()
+    assert list(file.parent.iterdir()) == [file]

@@ -98,7 +98,11 @@ def test_it_trains_and_writes_the_results_last(config, whole):
     assert set(results["lesion"]) == {"intact", "callosum"}
     assert set(results["seed"]) == {0, 1}
     assert set(results["metric"]) == {metric.name for metric in measured_metrics(config)}
-    assert [path.name for path in (folder / RESULT).parent.iterdir()] == ["cc_s.csv"]
+    assert {path.name for path in (folder / RESULT).parent.iterdir()} == {"cc_s.csv", "cc_s.json"}
+    source = json.loads((folder / RESULT).with_suffix(".json").read_text())
+    assert source["run"] == "../../runs/random_reach/cc_s-bptt-1"
+    assert source["weights_hash"] == run.weights_hash("final")
+    assert source["trials"] == 16
     shares = [done for done, _ in told]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)

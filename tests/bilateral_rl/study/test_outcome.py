@@ -1,10 +1,14 @@
+import shutil
+
 import pandas as pd
 import pytest
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.study.outcome import learning_history, results_of, runs_of
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.study.outcome import learning_history, results_of, runs_of, unsourced
 from bilateral_rl.study.plan import Study, results_file
+from bilateral_rl.study.provenance import describe_source
 
 CONFIGS = Study(algo="ppo", seeds=2).configs()
 
@@ -66,3 +70,22 @@ def test_the_history_of_other_runs_has_a_row_a_seed_and_evaluation(run):
     assert list(history["model"].unique()) == ["cc_s", "bi_s"]
     assert set(history["seed"]) == {0}
     assert history["timesteps"].max() == 4000
+
+
+def test_results_of_weights_that_their_run_no_longer_has_are_refused(tmp_path, bptt_run):
+    config = bptt_run.config()
+    path = write(tmp_path, config, 1.0)
+    assert unsourced([path, tmp_path / "not there.csv"]) == [path]  # as in version 0.1.0, and read all the same
+    assert len(results_of(tmp_path, [config])) == 1
+    RunFolder(path.parent).write_json(path.with_suffix(".json").name, describe_source(bptt_run, "final", path.parent))
+    assert unsourced([path]) == []
+    assert len(results_of(tmp_path, [config])) == 1
+    moved = tmp_path.with_name("moved")
+    tmp_path.rename(moved)
+    run = RunFolder(moved / bptt_run.path.relative_to(tmp_path))
+    assert len(results_of(moved, [config])) == 1
+    run.save_weights("final", {name: tensor * 0 for name, tensor in run.load_weights("final").items()})
+    with pytest.raises(UserError, match=r"no longer has; remove it and call the command again\.$"):
+        results_of(moved, [config])
+    shutil.rmtree(run.path)  # to save space
+    assert len(results_of(moved, [config])) == 1

@@ -1,0 +1,187 @@
+"""The folder of a run's lesion results: a long table, what it is of, figures and events for tensorboard."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import shlex
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from torch.utils.tensorboard import SummaryWriter
+
+from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
+from bilateral_rl.analysis.results import read_results
+from bilateral_rl.config.parse import plain
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.figures.lesions import lesion_effects
+from bilateral_rl.figures.saving import save
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import refuse_traps, replacing
+from bilateral_rl.runs.folder import FINAL, RunFolder
+from bilateral_rl.study.folder import new_folder
+from bilateral_rl.study.lesioning import LesionSettings
+from bilateral_rl.study.provenance import SOURCE, describe_source, is_stale, source_path
+
+RESULTS, SETTINGS = "lesions.csv", "settings.json"
+_NO_TREATMENT = {*SOURCE, "threads"} - {"weights"}
+"""Entries of ``settings.json`` in which two studies may differ and still be the same one."""
+
+
+@dataclass(frozen=True)
+class LesionFolder:
+    """``<run>-lesions/``: results beside the run, which itself is only read."""
+
+    path: Path
+
+    @classmethod
+    def beside(cls, run: RunFolder, seed: int | None) -> LesionFolder:
+        """The default folder of the results of ``run``, or of the one network of it that ``seed`` names."""
+        path = run.path.resolve()
+        return cls(path.with_name(f"{path.name}{'' if seed is None else f'-seed-{seed}'}-lesions"))
+
+    def describe(self, run: RunFolder, settings: LesionSettings, seed: int | None, weights: str) -> dict[str, Any]:
+        """Describe a study whose results are to lie here: the entries of ``settings.json``.
+
+        Raises:
+            UserError: weights that are missing or damaged.
+        """
+        networks = run.config().all_seeds if seed is None else [seed]
+        description = describe_source(run, weights, self.path) | {"networks": networks} | dataclasses.asdict(settings)
+        return dict(plain(description))
+
+    @contextlib.contextmanager
+    def claimed(self, run: RunFolder, description: Mapping[str, Any]) -> Iterator[None]:
+        """A context in which the results of the study described can be written here; no new folder is left if it fails.
+
+        Raises:
+            UserError: other files could be harmed, the folder holds another study, or nothing can be written.
+        """
+        if self.path.resolve().is_relative_to(run.path.resolve()):
+            raise UserError(f"{self.path} lies in the run, which stays as it is; choose another --out.")
+        with contextlib.ExitStack() as stack:
+            with self._refusing():
+                stack.enter_context(new_folder(self.path))
+                self._check_writable()
+                self._check_same_study(run, description)
+            yield
+
+    def write(self, results: pd.DataFrame, description: Mapping[str, Any], config: TrainConfig) -> None:
+        """Write the table, what it is of, the figures and the events, in the place of those of an earlier call.
+
+        Raises:
+            UserError: the folder cannot be written.
+        """
+        with self._refusing():
+            with replacing(self.path / RESULTS) as temporary:
+                results.to_csv(temporary, index=False)
+            with replacing(self.path / SETTINGS) as temporary:
+                temporary.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
+            for pattern in ("events.out.tfevents.*", "lesions_*.png", "lesions_*.pdf"):
+                for outdated in self.path.glob(pattern):
+                    outdated.unlink()
+            for metric in lesion_metrics(config):
+                save(lesion_effects(results, config.task, metric, [config.model]), self.path / f"lesions_{metric.name}")
+            self._write_events(results)
+
+    def _write_events(self, results: pd.DataFrame) -> None:
+        means = results.groupby(["metric", "lesion", "retrained"], sort=False)["value"].mean().reset_index()
+        with SummaryWriter(str(self.path)) as board:
+            for row in means.to_dict("records"):
+                # Along the x axis: epochs of retraining.
+                board.add_scalar(f"lesions_{row['metric']}/{row['lesion']}", row["value"], int(row["retrained"]))
+
+    def holds_stale_results(self, run: RunFolder) -> bool:
+        """Whether there are results here, and they say that they are of other weights than ``run`` has now."""
+        return is_stale(self._description(), run) is True
+
+    def read(self, run: RunFolder, name: str) -> tuple[pd.DataFrame, list[str]]:
+        """Read the table of ``run``, and notes on it.
+
+        Args:
+            run: the run.
+            name: RUN or RUN:SEED, as the commands take it.
+
+        Raises:
+            UserError: there is no table, it is damaged, or it is of weights that the run no longer has.
+        """
+        path = self.path / RESULTS
+        if not path.is_file():
+            raise UserError(f"One run is compared by its lesions: call `{_lesion_command(name, {})}` first.")
+        results, description = read_results(path), self._description()
+        command = _lesion_command(name, description)
+        stale = is_stale(description, run)
+        if stale:
+            raise UserError(
+                f"{path} holds lesions of weights that {run.path} no longer has, as after more training; call "
+                f"`{command}` to make them anew."
+            )
+        note = f"{path} does not say which weights it is of; if the run was trained on since, call `{command}`."
+        return results, [note] if stale is None else []
+
+    @contextlib.contextmanager
+    def _refusing(self) -> Iterator[None]:
+        """A context whose OSError is told as one that --out can help."""
+        try:
+            yield
+        except OSError as error:
+            raise UserError(f"Cannot write {self.path}: {error.strerror}. Choose another --out.") from None
+
+    def _description(self) -> dict[str, Any]:
+        description = RunFolder(self.path).read_json(SETTINGS, default={})
+        return description if isinstance(description, dict) else {}
+
+    def _check_writable(self) -> None:
+        refuse_traps(self.path)
+        if any(self.path.iterdir()) and not (self.path / RESULTS).is_file():
+            raise UserError(f"{self.path} holds other things than an earlier {RESULTS}; choose another --out.")
+        with tempfile.TemporaryFile(dir=self.path):
+            pass
+
+    def _check_same_study(self, run: RunFolder, description: Mapping[str, Any]) -> None:
+        stored = RunFolder(self.path).read_json(SETTINGS, default={})
+        if not isinstance(stored, dict):
+            raise UserError(f"{self.path / SETTINGS} does not say how lesions were made; choose another --out.")
+        for name in description.keys() - _NO_TREATMENT:
+            if stored.get(name, description[name]) != description[name]:
+                raise UserError(
+                    f"{self.path} holds lesions made with other settings ({name}); choose another --out, or remove it."
+                )
+        if stored and is_stale(stored, run) is not False and not self._is_of(run, stored):
+            raise UserError(f"{self.path} holds the lesions of another run; choose another --out, or remove it.")
+
+    def _is_of(self, run: RunFolder, stored: Mapping[str, Any]) -> bool:
+        """Whether the results are of ``run``, whatever its weights were then, and wherever it was."""
+        networks = run.config().all_seeds
+        if self.path.resolve() in {LesionFolder.beside(run, seed).path for seed in (None, *networks)}:
+            return True
+        stored_path, path = source_path(stored, self.path), run.path.resolve()
+        if stored_path is None or stored_path == path:
+            return stored_path is not None
+        return stored_path.name == path.name and not stored_path.exists()  # it was moved, and the path was absolute
+
+
+def lesion_metrics(config: TrainConfig) -> Sequence[Metric]:
+    """The metrics that are printed and drawn: the task's preferred one and the final error."""
+    return [find_metric(name) for name in (preferred_metric(config.task, config.trial.threshold), "final_error")]
+
+
+def _lesion_command(name: str, description: Mapping[str, Any]) -> str:
+    """The command that makes the lesions of a run again as they are described."""
+    defaults, words = LesionSettings(), ["bilateral-rl", "lesion", name]
+    lesions = description.get("lesions")
+    for lesion in lesions if isinstance(lesions, list) else ():
+        words += ["--lesion", lesion]
+    if description.get("retrain") is False:
+        words.append("--no-retrain")
+    usual = {"profile": None, "trials": defaults.trials, "seed": defaults.seed, "weights": FINAL}
+    for option, default in usual.items():
+        value = description.get(option, default)
+        if value != default:
+            words += [f"--{option}", value]
+    return shlex.join(map(str, words))
