@@ -31,48 +31,40 @@ class Comparison:
     """Groups of seeds side by side."""
 
     metric: str
+    """Name of the metric."""
     task: str
+    """Id of the task."""
     groups: pd.DataFrame
-    """Index: the group's name; columns mean, sd, n, low and high (95 % bootstrap interval of the mean), note."""
+    """A row a group, indexed by its name; columns mean, sd, n, low and high (95 % bootstrap interval of the mean),
+    note."""
     pairs: pd.DataFrame
-    """A row a pair, ``first`` and ``second`` in the order of ``groups``; what the columns are, the functions say."""
-
-    def matrix(self, column: str) -> pd.DataFrame:
-        """One column of ``pairs`` as a square table over the groups, such as the p-values of a post-hoc test.
-
-        A difference or an effect of (second, first) is minus that of (first, second), a p-value is the same; the
-        diagonal is NaN. Raises KeyError for a column that has no such rule.
-        """
-        sign = {"difference": -1.0, "g": -1.0}.get(column, 1.0)
-        if sign > 0 and not column.startswith("p_"):
-            raise KeyError(column)
-        names = self.groups.index
-        table = pd.DataFrame(np.nan, index=names, columns=names)
-        for first, second, value in zip(self.pairs["first"], self.pairs["second"], self.pairs[column], strict=True):
-            table.loc[first, second], table.loc[second, first] = value, sign * value
-        return table
+    """A row a pair of groups, ``first`` and ``second`` in the order of ``groups``; the other columns are those of
+    :func:`compare` or :func:`compare_lesions`."""
 
 
 @dataclass(frozen=True)
 class ModelComparison(Comparison):
-    """Independent groups, and whether any of them differs: the paper's test and the one without equal variances."""
+    """Independent groups, and two tests whether any of them differs."""
 
     anova: OmnibusTest
+    """The paper's test, which assumes equal variances."""
     welch: OmnibusTest
+    """The test that does not."""
 
 
 def compare(results: pd.DataFrame, metric: str, task: str, models: Sequence[str] | None = None) -> ModelComparison:
-    """Intact models compared by one metric, seeds as the unit.
+    """Compare intact models by one metric, with seeds as the unit.
 
-    The columns of ``pairs``: difference of the means (first − second) with its bootstrap interval ``low`` to ``high``;
-    ``ratio`` of the means (first / second) with ``ratio_low`` to ``ratio_high``, likewise; Hedges' ``g`` with its
-    exact interval ``g_low`` to ``g_high``; ``p_tukey`` (Tukey's HSD, the paper's way); ``p_games_howell``; ``note``.
+    The columns of ``pairs``: ``difference`` of the means (first − second) with its bootstrap interval ``low`` to
+    ``high``; ``ratio`` of the means (first / second) with its bootstrap interval ``ratio_low`` to ``ratio_high``;
+    Hedges' ``g`` with its exact interval ``g_low`` to ``g_high``; ``p_tukey`` (Tukey's HSD, the paper's way);
+    ``p_games_howell``; ``note``.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm or with a ``model`` for each.
         metric: name of the metric.
         task: id of the task.
-        models: labels in the ``model`` column, in the order wanted; None for all, in the table's order.
+        models: labels in the ``model`` column, in the order of the groups; None for all, in the table's order.
 
     Raises:
         UserError: fewer than two groups, a group without values, or two values of one seed.
@@ -84,18 +76,19 @@ def compare(results: pd.DataFrame, metric: str, task: str, models: Sequence[str]
         raise UserError(f"A comparison of {metric} in {task} needs results of two models or more, got {len(models)}.")
     samples = {model: by_seed(results, metric, State(task, model)) for model in dict.fromkeys(models)}
     for model, values in samples.items():
-        _check_found(values, model, metric, task)
+        _check_not_empty(values, model, metric, task)
     arrays = [values.to_numpy(dtype=np.float64) for values in samples.values()]
     pairs = _model_pairs(list(samples), arrays)
     return ModelComparison(metric, task, _groups(samples), pairs, anova(arrays), welch_anova(arrays))
 
 
 def compare_lesions(results: pd.DataFrame, metric: str, intact: State) -> Comparison:
-    """The intact network and its lesions, each against each, paired by seed.
+    """Compare the intact networks and their lesions, each with each, paired by seed.
 
-    The columns of ``pairs``: ``n`` seeds that both have; the mean difference (first − second) with its interval
-    ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs with ``g_low`` to ``g_high``; ``p_paired`` of the
-    paired t test alone; ``p_holm``, adjusted for all pairs of the table; ``note``.
+    The groups are the lesions, "intact" first. The columns of ``pairs``: ``n`` seeds that both have; the mean
+    ``difference`` (first − second) with its interval ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs
+    with its exact interval ``g_low`` to ``g_high``; ``p_paired`` of the paired t test alone; ``p_holm``, the same
+    adjusted for all pairs of the table; ``note``.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
@@ -124,7 +117,7 @@ def compare_lesions(results: pd.DataFrame, metric: str, intact: State) -> Compar
     return Comparison(metric, intact.task, _groups(samples), _lesion_pairs(samples))
 
 
-def _check_found(values: pd.Series, model: str, metric: str, task: str) -> None:
+def _check_not_empty(values: pd.Series, model: str, metric: str, task: str) -> None:
     if values.empty:
         raise UserError(f"There are no results of {metric} in {task} for {model}; evaluate it first, or leave it out.")
 

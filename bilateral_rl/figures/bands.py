@@ -1,4 +1,4 @@
-"""What many trials have in common over time: a line for the mean, a band for the quartiles."""
+"""Many trials over time: a line for their mean, a band for their quartiles."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ BANDS_NOTE = "Line: mean over trials and seeds. Band: their quartiles."
 
 
 def draw_band(
-    axes: Axes, time: ArrayLike, values: NDArray[np.floating], style: ModelStyle, label: str, place: int = 0
+    axes: Axes, time: ArrayLike, values: NDArray[np.floating], style: ModelStyle, label: str, index: int = 0
 ) -> None:
-    """Draw mean and quartiles over trials, leaving out what is no number.
+    """Draw mean and quartiles over trials, without NaN.
 
     Args:
-        axes: where.
-        time: (T,).
+        axes: where to draw.
+        time: (T,), positions along the x axis.
         values: (n, T), a row a trial.
-        style: of the line; a broken one lies above, so that the other shows in its gaps.
-        label: of the line in a legend.
-        place: of the line among those in ``axes``: its markers, five, stand beside the others'.
+        style: look of the line; a broken line lies above others, so that these show in its gaps.
+        label: name of the line in a legend.
+        index: number of the line among those in ``axes``, so that its five markers stand beside theirs.
     """
     lower, upper = np.nanquantile(values, (0.25, 0.75), axis=0)
     axes.fill_between(time, lower, upper, color=style.color, alpha=0.15, linewidth=0)
@@ -30,6 +30,6 @@ def draw_band(
     is_broken = style.line != "-"
     axes.plot(
         time, np.nanmean(values, axis=0), color=style.color, linestyle=style.line, linewidth=1.6, label=label,
-        marker=style.marker, markersize=4.5, markevery=((1 + 2 * place) * every // 7, every),
+        marker=style.marker, markersize=4.5, markevery=((1 + 2 * index) * every // 7, every),
         markeredgecolor="white", markeredgewidth=0.5, zorder=2.5 if is_broken else 2,
     )  # fmt: skip

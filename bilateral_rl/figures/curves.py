@@ -17,50 +17,57 @@ from bilateral_rl.analysis.samples import Float64
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.figures.labels import axis_label, model_label
 from bilateral_rl.figures.style import (
-    dress,
     families,
     legend_above,
     model_style,
     new_figure,
     set_note,
     set_title,
+    style_axes,
 )
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A column of a training's history and how to draw it."""
+class HistoryColumn:
+    """A measure in a training's history, and how it is drawn."""
 
     name: str
+    """Name of the column."""
     label: str
+    """Words for the axis, without the unit."""
     unit: str = ""
+    """Unit of the values; empty for pure numbers."""
     logarithmic: bool = False
+    """Whether its axis is logarithmic."""
 
 
-COMPLETION = Measure("goal_completion_percent", "Goal completion", "%")
-TIME_IN_GOAL = Measure("time_in_goal_steps", "Time in goal", "steps")
-FINAL_ERROR = Measure("final_error_cm", "Final error", "cm", logarithmic=True)
-VALIDATION_LOSS = Measure("validation_loss", "Validation loss", logarithmic=True)
+COMPLETION = HistoryColumn("goal_completion_percent", "Goal completion", "%")
+TIME_IN_GOAL = HistoryColumn("time_in_goal_steps", "Time in goal", "steps")
+FINAL_ERROR = HistoryColumn("final_error_cm", "Final error", "cm", logarithmic=True)
+VALIDATION_LOSS = HistoryColumn("validation_loss", "Validation loss", logarithmic=True)
 PREFERRED = {RandomReach.id: COMPLETION, HoldPosition.id: TIME_IN_GOAL}
-"""What the paper judges each task by (section 7), as it stands in a training's history."""
+"""The measure by which the paper judges each task (section 7), in a training's history."""
 
 PROGRESS = {"epoch": "Epoch", "timesteps": "Environment steps"}
-"""Columns that count how far a training has come, in words."""
+"""Columns that count how far a training has come, and their words for the axis."""
 
 _PANEL_HEIGHT = 1.55
 _MARGIN = 0.05
 
 
-def learning_curves(epochs: pd.DataFrame, measures: Sequence[Measure], title: str, progress: str = "epoch") -> Figure:
-    """Means over the seeds of models as they learn, a row of panels a measure, a column an architecture.
+def learning_curves(
+    epochs: pd.DataFrame, measures: Sequence[HistoryColumn], title: str, progress: str = "epoch"
+) -> Figure:
+    """Draw means over the seeds of models as they learn, a row of panels a measure, a column an architecture.
 
     A seed that has stopped keeps its weights, so its last value goes on into the mean: every curve ends at the mean of
     the networks that the training left. From where fewer than half of a model's seeds still train, the curve is thin.
 
     Args:
-        epochs: a row a model, seed and epoch, with columns ``model``, ``seed``, ``progress`` and the measures'.
+        epochs: a row for each model, seed and epoch, with columns ``model``, ``seed``, the one that ``progress`` names,
+            and those of the measures.
         measures: what to draw, from the top.
-        title: says the task.
+        title: title of the figure, with the task.
         progress: the column along the x axis, one of ``PROGRESS``.
     """
     groups = families(epochs["model"])
@@ -72,7 +79,7 @@ def learning_curves(epochs: pd.DataFrame, measures: Sequence[Measure], title: st
                 _curve(axes, epochs[epochs["model"] == model], model, measure.name, progress)
             if measure.logarithmic:
                 _set_logarithmic(axes)
-            dress(axes, PROGRESS[progress] * (i == len(grid) - 1), axis_label(measure) * (j == 0))
+            style_axes(axes, PROGRESS[progress] * (i == len(grid) - 1), axis_label(measure) * (j == 0))
             axes.xaxis.set_major_formatter(EngFormatter())
         _limit(row[0], epochs[measure.name])
     for axes in grid[0]:
@@ -87,28 +94,31 @@ def learning_curves(epochs: pd.DataFrame, measures: Sequence[Measure], title: st
 
 
 def carried_forward(rows: pd.DataFrame, measure: str, progress: str) -> pd.DataFrame:
-    """Values of one model's seeds (a column each) at every point of progress, each seed's last one carried forward.
+    """Return the values of one model's seeds, a column each, at every point of progress.
 
-    Of a point that a resumed training has twice, the later row counts.
+    Each seed's last value is carried forward. Where a resumed training has a point twice, the later row counts.
     """
     rows = rows.drop_duplicates(["seed", progress], keep="last")
     return rows.pivot(index=progress, columns="seed", values=measure).sort_index().ffill()
 
 
 def interval_over_seeds(values: pd.DataFrame) -> tuple[Float64, Float64, Float64, Float64]:
-    """Points of progress, and the mean over the seeds (a column each) at each, with its interval's ends."""
+    """Return the points of progress (the index), and at each the mean over the columns and its interval's ends.
+
+    All four arrays are (T,), of T points.
+    """
     mean, low, high = np.array([(i.value, i.low, i.high) for i in map(mean_interval, values.to_numpy())]).T
     return values.index.to_numpy(dtype=np.float64), mean, low, high
 
 
 def half_training(rows: pd.DataFrame, progress: str) -> float:
-    """The last point of progress that at least half of one model's seeds reached."""
+    """Return the last point of progress that at least half of one model's seeds reached."""
     last = rows.groupby("seed")[progress].max().sort_values(ascending=False)
     return float(last.iloc[math.ceil(len(last) / 2) - 1])
 
 
 def _set_logarithmic(axes: Axes) -> None:
-    """A logarithmic y axis whose numbers read as on a linear one, also where it spans less than a decade."""
+    """Make the y axis logarithmic, with plain numbers at its ticks even where it spans less than a decade."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -118,10 +128,10 @@ def _set_logarithmic(axes: Axes) -> None:
 def _limit(axes: Axes, values: pd.Series) -> None:
     """Show the range of the seeds' values: intervals of two or three seeds go far beyond it."""
     is_logarithmic = axes.get_yscale() == "log"
-    shown = values[np.isfinite(values) & ((values > 0) | (not is_logarithmic))]
-    if shown.nunique() < 2:
+    drawn = values[np.isfinite(values) & ((values > 0) | (not is_logarithmic))]
+    if drawn.nunique() < 2:
         return
-    low, high = shown.min(), shown.max()
+    low, high = drawn.min(), drawn.max()
     if is_logarithmic:
         axes.set_ylim(low / (high / low) ** _MARGIN, high * (high / low) ** _MARGIN)
     else:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
 from bilateral_rl.figures.labels import model_label
-from bilateral_rl.figures.style import INK, ModelStyle, dress, in_order, new_figure, set_note, set_title_and_legend
+from bilateral_rl.figures.style import INK, ModelStyle, in_order, new_figure, set_note, set_title_and_legend, style_axes
 from bilateral_rl.policies.networks import BilateralNetwork
 
 Floating = NDArray[np.floating]
@@ -30,9 +30,9 @@ class Contributions(NamedTuple):
 
 
 def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributions:
-    """Last hidden layer times combination weight of each side in the trials of ``record``, which ``network`` did.
+    """Return each side's last hidden layer times its combination weight, in trials that ``network`` did itself.
 
-    A side that is lesioned deep contributes nothing.
+    A side with a deep lesion contributes nothing.
     """
     weights = network.combination_weights()
     with torch.no_grad():
@@ -52,12 +52,12 @@ def dominant_share(sides: Contributions) -> NDArray[np.float64]:
 
 
 def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, title: str) -> Figure:
-    """Mean absolute contribution of each hemisphere over time, and the dominant one's share, a column a model.
+    """Draw the mean absolute contribution of each hemisphere over time, and the dominant one's share, a column a model.
 
     Args:
         sides: contributions in the trials of one or more seeds, by model; at most four models.
         timestep: length of a step (s).
-        title: says the task.
+        title: title of the figure, with the task.
     """
     models = in_order(sides)
     figure = new_figure(4.6)
@@ -68,8 +68,8 @@ def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, tit
         draw_band(above[i], time, _magnitude(sides[model].non_dominant), NON_DOMINANT_STYLE, "non-dominant")
         draw_band(below[i], time, dominant_share(sides[model]), DOMINANT_STYLE, "dominant")
         below[i].axhline(50, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
-        dress(above[i], y_label="Mean absolute\ncontribution (a.u.)" * (i == 0), title=model_label(model))
-        dress(below[i], "Time (ms)", "Share of the dominant\nhemisphere (%)" * (i == 0))
+        style_axes(above[i], y_label="Mean absolute\ncontribution (a.u.)" * (i == 0), title=model_label(model))
+        style_axes(below[i], "Time (ms)", "Share of the dominant\nhemisphere (%)" * (i == 0))
     above[0].set_ylim(bottom=0)
     below[0].set_ylim(0, 100)
     set_title_and_legend(figure, title, *above[0].get_legend_handles_labels())
@@ -78,5 +78,5 @@ def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, tit
 
 
 def _magnitude(contribution: Floating) -> NDArray[np.float64]:
-    """(n, T, units) to (n, T)."""
+    """Return the mean absolute value over the units: (n, T, units) to (n, T)."""
     return np.asarray(np.abs(contribution).mean(axis=2, dtype=np.float64))

@@ -10,9 +10,9 @@ from bilateral_rl.policies.lesions import lesion_words
 
 _PREFIXES = {"uni": "Uni", "bi": "Bi", "cc": "CC"}
 _AXIS_CHARACTERS = 20
-"""Of a line of an axis label: as many as fit beside the lowest panel."""
+"""Longest line of an axis label: it fits beside the lowest panel."""
 _LESION_CHARACTERS = 9
-"""Of a line below one of eight columns: "callosum," fits."""
+"""Longest line below one of eight columns: "callosum," fits."""
 
 
 class MetricLike(Protocol):
@@ -20,44 +20,44 @@ class MetricLike(Protocol):
 
     @property
     def name(self) -> str:
-        """In the table of results."""
+        """Name in the table of results."""
 
     @property
     def label(self) -> str:
-        """In words."""
+        """Words for axes, without the unit."""
 
     @property
     def unit(self) -> str:
-        """Of the values; empty if they have none."""
+        """Unit of the values; empty for pure numbers."""
 
 
 def with_unit(metric: MetricLike) -> str:
-    """The metric in words with its unit."""
+    """Return the metric in words with its unit."""
     return f"{metric.label} ({metric.unit})" if metric.unit else metric.label
 
 
 def axis_label(metric: MetricLike) -> str:
-    """The metric in words with its unit, in short lines."""
+    """Return the metric in words with its unit, in short lines."""
     text = re.sub(r"(\d) (?=\w)", "\\1\u00a0", with_unit(metric))  # a number stays with its unit
     return textwrap.fill(text, _AXIS_CHARACTERS, break_long_words=False)
 
 
 def model_label(name: str) -> str:
-    """The paper's spelling of a model, ``Uni-DL`` for ``uni_dl``; other names as they are."""
+    """Return the paper's spelling of a model, ``Uni-DL`` for ``uni_dl``; other names stay as they are."""
     prefix, _, rest = name.partition("_")
     return f"{_PREFIXES[prefix]}-{rest.upper()}" if prefix in _PREFIXES and rest else name
 
 
 def task_label(name: str) -> str:
-    """A task as the beginning of a title."""
+    """Return a task in words, as the beginning of a title."""
     return name.replace("_", " ").capitalize()
 
 
 def lesion_label(name: str) -> str:
-    """A lesion in words, in short lines."""
+    """Return a lesion in words, in short lines."""
     return textwrap.fill(lesion_words(name), _LESION_CHARACTERS, break_long_words=False)
 
 
 def retraining_label(retrained: bool) -> str:
-    """Whether networks were retrained after their lesion, in words."""
+    """Say whether networks were retrained after their lesion."""
     return "after one epoch of retraining" if retrained else "without retraining"

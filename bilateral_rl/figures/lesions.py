@@ -12,7 +12,14 @@ from bilateral_rl.analysis.intervals import Interval, mean_interval
 from bilateral_rl.analysis.results import RETRAINING, State, by_seed
 from bilateral_rl.figures.labels import MetricLike, axis_label, lesion_label, model_label, retraining_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
-from bilateral_rl.figures.style import dress, marker_handle, model_style, new_figure, set_note, set_title_and_legend
+from bilateral_rl.figures.style import (
+    marker_handle,
+    model_style,
+    new_figure,
+    set_note,
+    set_title_and_legend,
+    style_axes,
+)
 from bilateral_rl.policies.lesions import INTACT, LESIONS
 
 _PANEL_HEIGHT = 1.6
@@ -42,7 +49,7 @@ def lesion_effects(results: pd.DataFrame, task: str, metric: MetricLike, models:
         states = [[State(task, model, lesion, retrained) for retrained in treatments] for lesion in lesions]
         means += _panel(axes, rows, metric, states)
         _draw_intact_mean(axes, rows, metric, State(task, model))
-        dress(axes, y_label=axis_label(metric), title=model_label(model))
+        style_axes(axes, y_label=axis_label(metric), title=model_label(model))
     panels[-1].set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
     handles = [marker_handle("o", filled=retrained) for retrained in treatments]
     set_title_and_legend(figure, f"{task_label(task)}: lesions", handles, [*map(retraining_label, treatments)])

@@ -12,14 +12,14 @@ from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.figures.labels import MetricLike, axis_label, model_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
-from bilateral_rl.figures.style import dress, in_order, model_style, new_figure, set_note, set_title
+from bilateral_rl.figures.style import in_order, model_style, new_figure, set_note, set_title, style_axes
 from bilateral_rl.policies.lesions import INTACT
 
 _PANEL_HEIGHT = 1.75
 
 
 def model_comparison(results: pd.DataFrame, task: str, metrics: Sequence[MetricLike]) -> Figure:
-    """The intact models of a study side by side, a panel a metric.
+    """Draw the intact models of a study side by side, a panel a metric.
 
     Args:
         results: table of :mod:`bilateral_rl.analysis.results`.
@@ -42,6 +42,6 @@ def _panel(axes: Axes, rows: pd.DataFrame, task: str, metric: MetricLike) -> lis
     for x, name in enumerate(in_order(rows["model"])):
         values = by_seed(rows, metric.name, State(task, name))
         means.append(draw_seeds(axes, x, values, model_style(name), width=0.5))
-    dress(axes, y_label=axis_label(metric))
+    style_axes(axes, y_label=axis_label(metric))
     axes.set_xlim(-0.6, len(means) - 0.4)
     return means

@@ -27,25 +27,27 @@ _COLORS = ("#7fb5dd", "#a9d1ec", "#dcebf7", "#f7f7f7", "#fde3cf", "#fbc08d", "#f
 _CELL_HEIGHT = 0.55
 
 
-def posthoc_matrix(pairwise: pd.DataFrame, metric: MetricLike, title: str) -> Figure:
-    """Difference of means and p value of every pair of models, row minus column.
+def posthoc_matrix(pairs: pd.DataFrame, p_column: str, metric: MetricLike, title: str) -> Figure:
+    """Draw the difference of means and the p value of every pair of models, row minus column.
 
     The more significant, the darker the cell: orange where the row is higher, blue with a hatched edge where it is
     lower.
 
     Args:
-        pairwise: columns ``a``, ``b``, ``difference`` (mean of a minus mean of b, in the metric's unit) and ``p``; each
-            pair once, in either direction. A pair that is missing or has no p value shows a dash.
+        pairs: columns ``first`` and ``second`` (models), ``difference`` of their means (first − second, in the metric's
+            unit) and p values, as those of :func:`bilateral_rl.analysis.comparison.compare`; each pair once, in either
+            direction. A pair that is missing or has no p value shows a dash.
+        p_column: name of the column of p values.
         metric: what was compared.
         title: says the task and the test.
 
     Raises:
         ValueError: no pair at all.
     """
-    order = in_order([*pairwise["a"], *pairwise["b"]])
+    order = in_order([*pairs["first"], *pairs["second"]])
     if not order:
         raise ValueError("a matrix of pairwise tests needs a pair of models.")
-    difference, p = _square(pairwise, order)
+    difference, p = _square(pairs, p_column, order)
     figure = new_figure(1.1 + _CELL_HEIGHT * max(len(order) - 1, 2))
     axes = figure.subplots()
     _draw(axes, difference, p)
@@ -60,22 +62,25 @@ def posthoc_matrix(pairwise: pd.DataFrame, metric: MetricLike, title: str) -> Fi
 
 
 def stars_of(p: float) -> str:
-    """The mark of a p value; empty if it is not significant or no number."""
+    """Return the mark of a p value, empty if it is NaN or not significant."""
     return next((stars for bound, stars in STARS if p < bound), "")
 
 
-def _square(pairwise: pd.DataFrame, order: Sequence[str]) -> tuple[Float64, Float64]:
-    """Differences, row minus column, and p values: the second model on down the first model to the last but one."""
+def _square(pairs: pd.DataFrame, p_column: str, order: Sequence[str]) -> tuple[Float64, Float64]:
+    """Return differences, row minus column, and p values, (m − 1, m − 1) each of m models in order.
+
+    Rows are the models from the second on, columns those up to the last but one.
+    """
     difference, p = np.full((2, len(order), len(order)), math.nan)
-    places = [[order.index(name) for name in pairwise[column]] for column in ("a", "b")]
-    for a, b, d, p_value in zip(*places, pairwise["difference"], pairwise["p"], strict=True):
+    indices = [[order.index(name) for name in pairs[column]] for column in ("first", "second")]
+    for a, b, d, p_value in zip(*indices, pairs["difference"], pairs[p_column], strict=True):
         difference[a, b], difference[b, a] = d, -d
         p[a, b] = p[b, a] = p_value
     return difference[1:, :-1], p[1:, :-1]
 
 
 def _draw(axes: Axes, difference: Float64, p: Float64) -> None:
-    """The cells on and below the diagonal."""
+    """Draw the cells on and below the diagonal."""
     levels = _levels(difference, p)
     seaborn.heatmap(
         levels,
@@ -97,13 +102,13 @@ def _draw(axes: Axes, difference: Float64, p: Float64) -> None:
 
 
 def _levels(difference: Float64, p: Float64) -> Float64:
-    """Number of stars with the sign of the difference, 0 where there is no test."""
+    """Return the number of stars with the sign of the difference; 0 where there is no test."""
     n_stars = np.sum([p < bound for bound, _ in STARS], axis=0)
     return np.asarray(np.nan_to_num(np.sign(difference)) * n_stars)
 
 
 def _decimals(difference: Float64) -> int:
-    """How many decimals give the largest difference three digits."""
+    """Return how many decimals give the largest difference three digits."""
     return decimals_for(np.nanmax(np.abs(difference), initial=0), 3)
 
 

@@ -12,11 +12,11 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 
 DPI = 220
-"""1,320 pixels for the common width."""
+"""Dots an inch: the common width has 1,320 pixels."""
 
 _PNG_METADATA = {"Software": None}
 _PDF_METADATA = {"Creator": None, "Producer": None, "CreationDate": None}
-"""Versions and times that matplotlib would write otherwise."""
+"""Entries without which matplotlib would write versions and times into the files."""
 
 
 def save(figure: Figure, path: Path) -> tuple[Path, Path]:
@@ -40,7 +40,7 @@ def save(figure: Figure, path: Path) -> tuple[Path, Path]:
 
 
 def as_array(figure: Figure) -> np.ndarray:
-    """(height, width, 3) RGB picture of ``figure``."""
+    """Return ``figure`` as an RGB picture, (height, width, 3) from 0 to 255."""
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()

@@ -13,23 +13,23 @@ from bilateral_rl.figures.labels import MetricLike, model_label, retraining_labe
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import (
     INK,
-    dress,
     in_order,
     marker_handle,
     model_style,
     new_figure,
     set_note,
     set_title_and_legend,
+    style_axes,
 )
 
 _TASK_MARKERS = (("o", True), ("s", False), ("^", True), ("D", False))
-"""Marker, and whether it is filled, of each task."""
+"""Marker of each task, and whether it is filled."""
 
 
 def specialization(
     results: pd.DataFrame, metrics: Mapping[str, MetricLike], models: Sequence[str], retrained: bool = False
 ) -> Figure:
-    """How much better the dominant hemisphere of each model works alone than the other one, the tasks side by side.
+    """Draw how much better the dominant hemisphere of each model works alone than the other one, tasks side by side.
 
     The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`.
 
@@ -48,7 +48,7 @@ def specialization(
             style, width = model_style(model)._replace(marker=mark[0]), 0.5 / len(metrics)
             means.append(draw_seeds(axes, x + shift, index, style, width=width, filled=mark[1]))
     axes.axhline(0, color=INK, linewidth=0.8)
-    dress(axes, y_label="Specialization index\n← non-dominant · dominant →")
+    style_axes(axes, y_label="Specialization index\n← non-dominant · dominant →")
     axes.set_xticks(range(len(order)), [model_label(model) for model in order])
     axes.set_xlim(-0.6, len(order) - 0.4)
     words = [f"{task_label(task)}: {metric.label}" for task, metric in metrics.items()]
@@ -60,5 +60,5 @@ def specialization(
 
 
 def _shifts(n: int) -> list[float]:
-    """Of the columns of ``n`` tasks from the middle of a model's place."""
+    """Return the distances of the columns of ``n`` tasks from the middle of a model's place."""
     return [0.7 * ((i + 0.5) / n - 0.5) for i in range(n)]

@@ -14,51 +14,51 @@ from bilateral_rl.figures.labels import axis_label, model_label, task_label
 from bilateral_rl.figures.style import (
     INK,
     ModelStyle,
-    dress,
     in_order,
     new_figure,
     set_note,
     set_title_and_legend,
+    style_axes,
 )
 from bilateral_rl.io.text import seed_counts
 from bilateral_rl.policies.lesions import INTACT
 
-_STATES = {
+_LESIONS = {
     INTACT: ("intact", ModelStyle(INK, "^", (0, (1, 1)))),
     ALONE["dominant"]: ("dominant alone", DOMINANT_STYLE),
     ALONE["non_dominant"]: ("non-dominant alone", NON_DOMINANT_STYLE),
 }
-"""In words, and how they look."""
+"""The lesions that are drawn: their words and their look."""
 _INDEX_STYLE = ModelStyle(INK, "o", "-")
 _PROGRESS = "timesteps"
 
 
 def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
-    """What each hemisphere does alone as its network learns, and the specialization index, a column a model.
+    """Draw what each hemisphere does alone as its network learns, and the specialization index, a column a model.
 
     The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`. Means over the seeds, as in
     :func:`~bilateral_rl.figures.curves.learning_curves`.
 
     Args:
-        probes: tables of :func:`bilateral_rl.training.lesion_probe.read_probes`; a seed once a model, four models at
-            most.
-        task: which task they are of.
+        probes: tables of :func:`bilateral_rl.training.lesion_probe.read_probes`, with each seed of a model once and at
+            most four models.
+        task: the task that they learned.
     """
     models, measure = in_order(probes["model"]), PREFERRED[task]
     figure = new_figure(5.2)
     above, below = figure.subplots(2, len(models), sharex=True, sharey="row", squeeze=False)
     for i, model in enumerate(models):
-        of_model = probes[probes["model"] == model]
-        values = {state: carried_forward(of_model[of_model["lesion"] == state], measure.name, _PROGRESS)
-                  for state in _STATES}  # fmt: skip
-        for state, (words, style) in _STATES.items():
-            _draw(above[i], values[state], style, words)
+        rows = probes[probes["model"] == model]
+        values = {lesion: carried_forward(rows[rows["lesion"] == lesion], measure.name, _PROGRESS)
+                  for lesion in _LESIONS}  # fmt: skip
+        for lesion, (words, style) in _LESIONS.items():
+            _draw(above[i], values[lesion], style, words)
         dominant, non_dominant = (values[lesion] for lesion in ALONE.values())
         index = pd.DataFrame(specialization_index(dominant, non_dominant), dominant.index)
         _draw(below[i], index, _INDEX_STYLE, "index")
         below[i].axhline(0, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
-        dress(above[i], y_label=axis_label(measure) * (i == 0), title=model_label(model))
-        dress(below[i], PROGRESS[_PROGRESS], "Specialization index\n← non-dominant · dominant →" * (i == 0))
+        style_axes(above[i], y_label=axis_label(measure) * (i == 0), title=model_label(model))
+        style_axes(below[i], PROGRESS[_PROGRESS], "Specialization index\n← non-dominant · dominant →" * (i == 0))
         below[i].xaxis.set_major_formatter(EngFormatter())
     above[0].set_ylim(bottom=0)
     below[0].set_ylim(-1.05, 1.05)
@@ -71,7 +71,7 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
 
 
 def _draw(axes: Axes, values: pd.DataFrame, style: ModelStyle, label: str) -> None:
-    """The mean over the seeds (a column each) and its interval."""
+    """Draw the mean over the columns of ``values``, the seeds, and its interval."""
     x, mean, low, high = interval_over_seeds(values)
     axes.fill_between(x, low, high, color=style.color, alpha=0.2, linewidth=0)
     axes.plot(

@@ -16,16 +16,16 @@ from matplotlib.lines import Line2D
 from bilateral_rl.config.catalogue import MODELS
 
 WIDTH = 6.0
-"""Of a figure (inches): narrow, so that its text stays legible where it is shown 400 pixels wide."""
+"""Width of figures (inches): narrow, so that text stays legible where they are shown 400 pixels wide."""
 NOTE_SIZE, TEXT_SIZE, LABEL_SIZE, TITLE_SIZE = 7.5, 8.5, 9.0, 10.0
-"""Points: remarks; ticks and legends; axes; titles."""
+"""Sizes of text (points): of remarks, of ticks and legends, of axes, of titles."""
 _NOTE_CHARACTERS, _LEGEND_CHARACTERS = 92, 96
-"""Of a line as wide as the figure; a legend's entry takes six more than its words."""
+"""Characters in a line as wide as the figure; a legend's entry takes six more than its words."""
 INK, FAINT = "0.2", "0.9"
 
 
 class ModelStyle(NamedTuple):
-    """How a model looks; the marker and the line tell models apart where there is no color."""
+    """Look of a model; the marker and the line tell models apart where there is no color."""
 
     color: str
     marker: str
@@ -41,16 +41,16 @@ MODEL_STYLES = {
     "cc_ns": ModelStyle("#fd8d3c", "P", (0, (4, 1.5))),
     "cc_s": ModelStyle("#a63603", "X", "-"),
 }
-"""A hue for each architecture, darker where a model is trained to be specialized. Blue, orange and grey differ for
-color-blind people too."""
+"""Look of each model: a hue for each architecture, darker where a model is trained to be specialized. Blue, orange and
+grey differ for color-blind people too."""
 OTHER_STYLE = ModelStyle("#35978f", "h", "-")
-"""Of a name that is not in the catalogue."""
+"""Look of a name that is not in the catalogue."""
 
 
 def forget_working_folder() -> None:
-    """Undo the settings of a ``matplotlibrc`` in the working folder, which may be somebody else's run.
+    """Undo the settings of a ``matplotlibrc`` in the working folder.
 
-    It could turn LaTeX on, which executes more than anybody wants.
+    That may be somebody else's run, and the settings could turn LaTeX on, which executes more than anybody wants.
     """
     if matplotlib.matplotlib_fname() == "matplotlibrc":
         matplotlib.rcdefaults()
@@ -60,18 +60,18 @@ forget_working_folder()
 
 
 def model_style(name: str) -> ModelStyle:
-    """The style of the model called ``name``."""
+    """Return the look of the model called ``name``."""
     return MODEL_STYLES.get(name, OTHER_STYLE)
 
 
 def in_order(models: Iterable[str]) -> list[str]:
-    """Each model once, those of the catalogue in its order, then others by name."""
-    given = set(models)
-    return [name for name in MODELS if name in given] + sorted(given - set(MODELS))
+    """Return each model once: those of the catalogue in its order, then others by name."""
+    names = set(models)
+    return [name for name in MODELS if name in names] + sorted(names - set(MODELS))
 
 
 def families(models: Iterable[str]) -> list[list[str]]:
-    """Models in order, those of one architecture together; a name that is not in the catalogue stays alone."""
+    """Return models in order and grouped by architecture; a name that is not in the catalogue stays alone."""
     groups: dict[str, list[str]] = {}
     for name in in_order(models):
         groups.setdefault(MODELS[name].architecture if name in MODELS else name, []).append(name)
@@ -79,13 +79,13 @@ def families(models: Iterable[str]) -> list[list[str]]:
 
 
 def new_figure(height: float) -> Figure:
-    """An empty figure of the common width, ``height`` inches high, that draws without a display."""
+    """Return an empty figure of the common width, ``height`` inches high, that draws without a display."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def dress(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> None:
+def style_axes(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> None:
     """Give ``axes`` the common look and its labels."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -99,18 +99,18 @@ def dress(axes: Axes, x_label: str = "", y_label: str = "", title: str = "") -> 
 
 
 def set_title(figure: Figure, title: str) -> None:
-    """Title of the whole figure."""
+    """Set the title of the whole figure."""
     figure.suptitle(title, fontsize=TITLE_SIZE)
 
 
 def set_note(figure: Figure, note: str) -> None:
-    """A remark below the figure that says what its marks mean; long lines are broken."""
+    """Set a remark below the figure that says what its marks mean; long lines are broken."""
     lines = [line for paragraph in note.splitlines() for line in textwrap.wrap(paragraph, _NOTE_CHARACTERS)]
     figure.supxlabel("\n".join(lines), fontsize=NOTE_SIZE, color="0.3")
 
 
 def set_title_and_legend(figure: Figure, title: str, handles: Sequence[Artist], words: Sequence[str]) -> None:
-    """Title of the whole figure and, below it, a legend."""
+    """Set the title of the whole figure and, below it, a legend."""
     columns = max(1, _LEGEND_CHARACTERS // (max(map(len, words), default=0) + 6))
     figure.legend(
         handles, words, title=title, title_fontsize=TITLE_SIZE, fontsize=TEXT_SIZE,
@@ -119,11 +119,11 @@ def set_title_and_legend(figure: Figure, title: str, handles: Sequence[Artist], 
 
 
 def marker_handle(marker: str, filled: bool) -> Line2D:
-    """A marker for a legend, in neutral grey."""
+    """Return a marker for a legend, in neutral grey."""
     face = INK if filled else "white"
     return Line2D([], [], linestyle="", marker=marker, markersize=6, color=INK, markerfacecolor=face)
 
 
 def legend_above(axes: Axes) -> None:
-    """The legend of ``axes`` in the place of its title."""
+    """Draw the legend of ``axes`` in the place of its title."""
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize=TEXT_SIZE, frameon=False)

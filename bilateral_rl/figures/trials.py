@@ -15,7 +15,6 @@ from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
 from bilateral_rl.figures.labels import model_label
 from bilateral_rl.figures.style import (
-    dress,
     families,
     in_order,
     legend_above,
@@ -24,20 +23,21 @@ from bilateral_rl.figures.style import (
     set_note,
     set_title,
     set_title_and_legend,
+    style_axes,
 )
 
 Records = Mapping[str, Sequence[TrialRecord]]
 """Trials by model, a record a seed."""
 
 
-def hand_paths(record: TrialRecord, threshold: float, reach: float, n_trials: int = 12) -> Figure:
-    """Paths of the first trials' hands: start as a dot, goal as a circle, one color a trial.
+def hand_paths(record: TrialRecord, radius: float, reach: float, n_trials: int = 12) -> Figure:
+    """Draw the hand's paths in the first trials: start as a dot, goal as a disc, one color a trial.
 
     Args:
         record: the trials.
-        threshold: radius of the goal (m).
+        radius: radius of the goal (m).
         reach: length of the stretched arm (m).
-        n_trials: how many to draw.
+        n_trials: how many trials to draw.
     """
     figure = Figure(figsize=(5, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
@@ -45,7 +45,7 @@ def hand_paths(record: TrialRecord, threshold: float, reach: float, n_trials: in
     axes.add_patch(Circle((0, 0), 100 * reach, fill=False, color="0.85"))
     for i, (path, target) in enumerate(zip(100 * record.hand[:n_trials], 100 * record.target[:n_trials], strict=True)):
         color = f"C{i % 10}"
-        axes.add_patch(Circle(tuple(target), 100 * threshold, color=color, alpha=0.2, linewidth=0))
+        axes.add_patch(Circle(tuple(target), 100 * radius, color=color, alpha=0.2, linewidth=0))
         axes.plot(*path.T, color=color, linewidth=1.5)
         axes.plot(*path[0], "o", color=color, markersize=5)
     axes.plot(0, 0, "k+", markersize=8)
@@ -59,21 +59,21 @@ def hand_paths(record: TrialRecord, threshold: float, reach: float, n_trials: in
 
 
 def speed_profiles(records: Records, title: str) -> Figure:
-    """Speed of the hand over time, mean and quartiles over the trials of all seeds, a panel an architecture.
+    """Draw the hand's speed over time, mean and quartiles over the trials of all seeds, a panel an architecture.
 
     Args:
         records: trials of equal length, by model.
-        title: says the task.
+        title: title of the figure, with the task.
     """
     groups = families(records)
     figure = new_figure(2.9)
     panels = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
     for axes, models in zip(panels, groups, strict=True):
-        for place, model in enumerate(models):
+        for index, model in enumerate(models):
             speed = np.concatenate([100 * hand_speed(r.hand, r.arm.timestep) for r in records[model]])
             middles = (np.arange(speed.shape[1]) + 0.5) * _milliseconds(records[model])
-            draw_band(axes, middles, speed, model_style(model), model_label(model), place)
-        dress(axes, "Time (ms)", "Hand speed (cm/s)" if axes is panels[0] else "")
+            draw_band(axes, middles, speed, model_style(model), model_label(model), index)
+        style_axes(axes, "Time (ms)", "Hand speed (cm/s)" if axes is panels[0] else "")
         axes.set_ylim(bottom=0)
         legend_above(axes)
     set_title(figure, title)
@@ -82,22 +82,22 @@ def speed_profiles(records: Records, title: str) -> Figure:
 
 
 def muscle_activity(records: Records, title: str) -> Figure:
-    """Activation of the six muscles over time, mean and quartiles over the trials of all seeds, a panel a muscle.
+    """Draw the six muscles' activation over time, mean and quartiles over the trials of all seeds, a panel a muscle.
 
     Args:
         records: trials of equal length, by model; more than three lie over each other.
-        title: says the task.
+        title: title of the figure, with the task.
     """
     figure = new_figure(4.6)
     panels = figure.subplots(2, len(MUSCLE_NAMES) // 2, sharex=True, sharey=True)
-    for place, model in enumerate(in_order(records)):
+    for index, model in enumerate(in_order(records)):
         activation = np.concatenate([record.activation for record in records[model]])
         ends = (np.arange(activation.shape[1]) + 1) * _milliseconds(records[model])
         for muscle, axes in enumerate(panels.flat):
-            draw_band(axes, ends, activation[..., muscle], model_style(model), model_label(model), place)
+            draw_band(axes, ends, activation[..., muscle], model_style(model), model_label(model), index)
     for muscle, axes in enumerate(panels.flat):
         is_left, is_low = muscle % panels.shape[1] == 0, muscle >= panels.shape[1]
-        dress(axes, "Time (ms)" * is_low, "Activation (0 to 1)" * is_left, MUSCLE_NAMES[muscle])
+        style_axes(axes, "Time (ms)" * is_low, "Activation (0 to 1)" * is_left, MUSCLE_NAMES[muscle])
     panels[0, 0].set_ylim(bottom=0)
     set_title_and_legend(figure, title, *panels[0, 0].get_legend_handles_labels())
     set_note(figure, BANDS_NOTE)

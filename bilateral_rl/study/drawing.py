@@ -83,8 +83,7 @@ def _of_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Draw
         comparison = compare(results, name, task)
         for test, column in (("Games–Howell", "p_games_howell"), ("Tukey's HSD", "p_tukey")):
             title = f"{task_label(task)}: {find_metric(name).label}, {test}"
-            pairwise = comparison.pairs.rename(columns={"first": "a", "second": "b", column: "p"})
-            figure = posthoc_matrix(pairwise, find_metric(name), title)
+            figure = posthoc_matrix(comparison.pairs, column, find_metric(name), title)
             yield Drawing(f"posthoc_{task}_{name}_{column.removeprefix('p_')}", f"{title}.", figure)
 
 

@@ -6,19 +6,19 @@ from matplotlib.text import Text
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.figures.curves import Measure
+from bilateral_rl.figures.curves import HistoryColumn
 
 REACH, HOLD = "random_reach", "hold_position"
 
 
 @pytest.fixture
 def completion():
-    return Measure("goal_completion_5cm", "Goal completion within 5 cm", "%")
+    return HistoryColumn("goal_completion_5cm", "Goal completion within 5 cm", "%")
 
 
 @pytest.fixture
 def deviation():
-    return Measure("max_deviation", "Maximal perpendicular deviation", "cm")
+    return HistoryColumn("max_deviation", "Maximal perpendicular deviation", "cm")
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@ import pandas as pd
 import pytest
 
 from bilateral_rl.config.catalogue import MODELS
-from bilateral_rl.figures.curves import COMPLETION, FINAL_ERROR, Measure, learning_curves
+from bilateral_rl.figures.curves import COMPLETION, FINAL_ERROR, HistoryColumn, learning_curves
 
-LOSS = Measure("loss", "Loss")
+LOSS = HistoryColumn("loss", "Loss")
 
 
 def history(curves, model="cc_s", progress="epoch", name="loss"):

@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.posthoc import posthoc_matrix, stars_of
 
-COLUMNS = ["a", "b", "difference", "p"]
+COLUMNS = ["first", "second", "difference", "p"]
 
 
 def cells(figure):
@@ -23,7 +23,7 @@ def cells(figure):
 
 def test_a_cell_is_the_row_minus_the_column_in_either_direction_of_the_pair(completion):
     pairs = [("uni_b", "bi_s", -12.5, 0.0002), ("cc_s", "uni_b", 3.25, 0.02), ("bi_s", "cc_s", 1.5, 0.4)]
-    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), completion, "a test")
+    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), "p", completion, "a test")
     assert cells(figure) == {
         ("Bi-S", "Uni-B"): "+12.5 ***\np < 0.001",
         ("CC-S", "Uni-B"): "+3.2 *\np = 0.020",
@@ -35,7 +35,7 @@ def test_a_cell_is_the_row_minus_the_column_in_either_direction_of_the_pair(comp
 
 def test_pairs_that_are_missing_or_have_no_p_show_a_dash(completion):
     pairs = [("uni_b", "bi_s", 1.0, math.nan), ("uni_b", "cc_s", 1.0, 0.5)]
-    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), completion, "a test")
+    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), "p", completion, "a test")
     found = cells(figure)
     assert found["Bi-S", "Uni-B"] == "–"
     assert found["CC-S", "Bi-S"] == "–"
@@ -43,7 +43,7 @@ def test_pairs_that_are_missing_or_have_no_p_show_a_dash(completion):
 
 def test_significance_is_lightness_and_only_a_significantly_lower_row_is_hatched(completion):
     pairs = [("uni_b", "bi_s", 1.0, 0.0001), ("uni_b", "cc_s", -1.0, 0.0001), ("bi_s", "cc_s", 1.0, 0.5)]
-    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), completion, "a test")
+    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), "p", completion, "a test")
     (axes,) = figure.axes
     (mesh,) = axes.collections
     lower, higher, neither = (to_hex(mesh.cmap(mesh.norm(level))) for level in (-3, 3, 0))
@@ -66,11 +66,11 @@ def test_seven_models_fit(completion, assert_texts_are_apart):
     rng = np.random.default_rng(0)
     names = list(MODELS)
     pairs = [(a, b, 1000 * rng.normal(), rng.uniform()) for i, a in enumerate(names) for b in names[i + 1 :]]
-    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), completion, "Tukey’s HSD")
+    figure = posthoc_matrix(pd.DataFrame(pairs, columns=COLUMNS), "p", completion, "Tukey’s HSD")
     assert len(cells(figure)) == 21
     assert assert_texts_are_apart(figure) == 21 + 12 + 2
 
 
 def test_no_pair_is_an_error(completion):
     with pytest.raises(ValueError, match="a pair of models"):
-        posthoc_matrix(pd.DataFrame([], columns=COLUMNS), completion, "a test")
+        posthoc_matrix(pd.DataFrame([], columns=COLUMNS), "p", completion, "a test")

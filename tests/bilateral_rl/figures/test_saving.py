@@ -8,13 +8,15 @@ import pytest
 from matplotlib import pyplot
 from PIL import Image
 
-from bilateral_rl.figures.curves import Measure, learning_curves
+from bilateral_rl.figures.curves import HistoryColumn, learning_curves
 from bilateral_rl.figures.models import model_comparison
 from bilateral_rl.figures.posthoc import posthoc_matrix
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.errors import UserError
 
-PAIRS = pd.DataFrame([("bi_s", "cc_s", 1.5, 0.02), ("uni_b", "cc_s", 1.5, 0.02)], columns=["a", "b", "difference", "p"])
+PAIRS = pd.DataFrame(
+    [("bi_s", "cc_s", 1.5, 0.02), ("uni_b", "cc_s", 1.5, 0.02)], columns=["first", "second", "difference", "p"]
+)
 
 
 @pytest.fixture
@@ -27,8 +29,8 @@ def draw(make_results, completion):
         epochs = pd.DataFrame({"model": "bi_s", "seed": 0, "epoch": range(5), "loss": rng.random(5)})
         return [
             model_comparison(results, "random_reach", [completion]),
-            posthoc_matrix(PAIRS, completion, "Tukey’s HSD"),
-            learning_curves(epochs, [Measure("loss", "Loss", logarithmic=True)], "learning"),
+            posthoc_matrix(PAIRS, "p", completion, "Tukey’s HSD"),
+            learning_curves(epochs, [HistoryColumn("loss", "Loss", logarithmic=True)], "learning"),
         ]
 
     return figures
