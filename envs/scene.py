@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.physics import ACTIVATION
-from bilateral_rl.envs.rendering import Scene, Window, draw, tile
+from bilateral_rl.envs.canvas import Window, tile
+from bilateral_rl.envs.rendering import Scene, draw
 from bilateral_rl.envs.trials import TrialBatch
 
 RENDER_MODES = ("rgb_array", "human")

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.envs.canvas import tile
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.rendering import Scene, draw, tile
+from bilateral_rl.envs.rendering import Scene, draw
 
 PAUSE = 0.6
 """How long the end of a trial stands still (s of video)."""

@@ -5,10 +5,15 @@ import sys
 
 import numpy as np
 import pytest
+import warp as wp
 
-from bilateral_rl.envs import rendering
+from bilateral_rl.envs import canvas
+from bilateral_rl.envs.anatomy import elbow_and_hand, moment_arms
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES, ArmParameters
-from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, Window, draw, tile
+from bilateral_rl.envs.arm.physics import arm_types, geometry, kernel_parameters
+from bilateral_rl.envs.arm.physics import hand as hand_state
+from bilateral_rl.envs.canvas import Window, tile
+from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
 
 pygame = pytest.importorskip("pygame")
 
@@ -60,6 +65,21 @@ def is_near(mask, point, radius):
     rows, columns = np.nonzero(mask)
     scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
     return mask.any() and np.hypot(rows - row, columns - column).max() <= radius * scale + 2
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0), (0.7, 1.4), (2.3, 2.6)])
+def test_pictures_show_the_posture_and_the_moment_arms_of_the_physics(angles):
+    arm = ArmParameters(
+        link_length=(0.3, 0.25), path_quadratic_shoulder=(0.01,) * 6, path_quadratic_elbow=(-0.02,) * 6,
+        path_reference_angle=(0.4, 1.1),
+    )  # fmt: skip
+    p, joint = kernel_parameters(arm, wp.float32), arm_types(wp.float32).vec4(*angles, 0.0, 0.0)
+    paths = [geometry(p, joint, m) for m in range(6)]
+    np.testing.assert_allclose(moment_arms(arm, np.array(angles)), np.abs([[q[2], q[3]] for q in paths]), atol=1e-6)
+    elbow, hand = elbow_and_hand(arm, np.array(angles))
+    np.testing.assert_allclose(hand, list(hand_state(p, joint))[:2], atol=1e-6)
+    assert np.linalg.norm(elbow) == pytest.approx(0.3)
+    assert np.linalg.norm(hand - elbow) == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize("size", [64, 480, 501])
@@ -254,5 +274,5 @@ def test_missing_pygame_says_what_to_install(monkeypatch):
 
 def test_import_does_without_pygame(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    spec = importlib.util.spec_from_file_location("rendering_alone", rendering.__file__)
+    spec = importlib.util.spec_from_file_location("canvas_alone", canvas.__file__)
     spec.loader.exec_module(importlib.util.module_from_spec(spec))
