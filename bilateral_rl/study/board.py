@@ -1,11 +1,11 @@
-"""The board of a study: how all its jobs come along, on a terminal or in lines."""
+"""The board of a study: it shows how all jobs come along, on a terminal or in lines."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
@@ -16,23 +16,23 @@ from bilateral_rl.io.terminal import printable
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState
 
 LINE_INTERVAL = 30.0
-"""Seconds between two lines on the whole study, where there is no terminal."""
+"""Seconds between two lines about the whole study, where there is no terminal."""
 
 
 class Board:
-    """Who is told how a study comes along; subclass it to watch, or leave it unwatched."""
+    """An observer of a study; subclass it to watch, or leave it unwatched."""
 
     def begin(self, jobs: Sequence[Job], done: AbstractSet[str]) -> None:
-        """The study has these jobs, of which those named were done before."""
+        """The study has these jobs; those named in ``done`` were done before."""
 
     def on_start(self, job: Job) -> None:
-        """It runs now, or, on a cluster that has lost it, once more."""
+        """A job starts, or, on a cluster that has lost it, starts once more."""
 
     def on_progress(self, job: Job, done: float, text: str) -> None:
-        """So much of it is done, from 0 to 1."""
+        """A job has come so far, from 0 to 1, and says in a few words what it does."""
 
     def on_end(self, outcome: JobOutcome) -> None:
-        """It runs no more."""
+        """A job has ended."""
 
     def on_interrupt(self) -> None:
         """Somebody asked to stop; running jobs save."""
@@ -44,77 +44,16 @@ class Board:
 SILENT = Board()
 
 
-@dataclass
-class _Share:
-    """How much of one job is done, and was done when it started."""
-
-    cost: float
-    done: float = 0.0
-    before: float | None = None
-
-
-class Tally:
-    """How much of a study is done, and how long the rest will take.
-
-    The unit is the jobs' cost: one that is half done counts half its cost.
-
-    Args:
-        jobs: of the study.
-        done: names of those that are done before it starts.
-    """
-
-    def __init__(self, jobs: Sequence[Job], done: AbstractSet[str]) -> None:
-        self._shares = {job.name: _Share(job.cost) for job in jobs}
-        self.states = {job.name: JobState.DONE if job.name in done else JobState.WAITING for job in jobs}
-        for name in done:
-            self._shares[name].done = self._shares[name].before = 1.0
-
-    def start(self, job: Job) -> None:
-        """The job runs."""
-        self.states[job.name] = JobState.RUNNING
-        self._shares[job.name] = _Share(job.cost)
-
-    def progress(self, job: Job, done: float) -> None:
-        """The job has come so far."""
-        share = self._shares[job.name]
-        share.done = min(max(done, 0.0), 1.0)
-        if share.before is None:
-            share.before = share.done
-
-    def end(self, job: Job, state: JobState) -> None:
-        """The job ended so."""
-        share = self._shares[job.name]
-        self.states[job.name] = state
-        if state != JobState.INTERRUPTED:
-            share.done = 1.0
-        if state == JobState.FAILED:
-            share.before = 1.0  # how soon it failed says nothing of how long the others take
-
-    def fraction(self) -> float:
-        """Of the whole study."""
-        total = sum(share.cost for share in self._shares.values())
-        return sum(share.cost * share.done for share in self._shares.values()) / total if total else 1.0
-
-    def remaining(self, seconds: float) -> float | None:
-        """Seconds to go, if it goes on as in the ``seconds`` since it started; None when nothing tells yet."""
-        worked = sum(share.cost * (share.done - (share.before or 0.0)) for share in self._shares.values())
-        left = sum(share.cost * (1 - share.done) for share in self._shares.values())
-        return seconds * left / worked if worked > 0 else None
-
-    def summary(self) -> str:
-        """Such as "3 of 14 jobs done, 1 failed"."""
-        states = list(self.states.values())
-        failed = states.count(JobState.FAILED)
-        return f"{states.count(JobState.DONE)} of {len(states)} jobs done" + (f", {failed} failed" if failed else "")
-
-
 class ConsoleBoard(Board):
     """A bar for the study and for each running job, and a line when one ends; lines only where there is no terminal.
 
+    The unit is the jobs' cost: a job that is half done counts half its cost. The remaining time is reckoned here, as
+    rich's own would take for speed what earlier calls had done, and jobs that failed at once.
+
     Args:
-        console: where.
+        console: where to print.
         title: of the study, one word.
-        clock: seconds.
+        clock: returns seconds.
     """
 
     def __init__(self, console: Console, title: str, clock: Callable[[], float] = time.monotonic) -> None:
@@ -130,8 +69,7 @@ class ConsoleBoard(Board):
             disable=not self._draws,
         )
         self._tasks: dict[str, TaskID] = {}
-        self._tally = Tally([], set())
-        self._began = self._last_line = clock()
+        self.begin([], set())
 
     def __enter__(self) -> ConsoleBoard:
         self._bars.start()
@@ -141,26 +79,37 @@ class ConsoleBoard(Board):
         self._bars.stop()
 
     def begin(self, jobs: Sequence[Job], done: AbstractSet[str]) -> None:
-        self._tally = Tally(jobs, done)
+        self._costs = {job.name: job.cost for job in jobs}
+        self._done = dict.fromkeys(done, 1.0)  # share of each job that is done,
+        self._before = dict.fromkeys(done, 1.0)  # and that was done when it started: no measure of speed
+        self._ended = Counter({JobState.DONE: len(done)})
         self._began = self._last_line = self._clock()
-        self._whole = self._bars.add_task(self._title, total=1.0, text="")
-        if done:
-            self._say(f"{len(done)} of {len(jobs)} jobs were done before.")
-        self.tick()
+        if jobs:
+            self._whole = self._bars.add_task(self._title, total=1.0, text="")
+            if done:
+                self._say(f"{len(done)} of {len(jobs)} jobs were done before.")
+            self.tick()
 
     def on_start(self, job: Job) -> None:
-        self._tally.start(job)
+        self._done.pop(job.name, None)
+        self._before.pop(job.name, None)
         self._remove(job)
         self._tasks[job.name] = self._bars.add_task(job.name, total=1.0, text="")
 
     def on_progress(self, job: Job, done: float, text: str) -> None:
-        self._tally.progress(job, done)
+        self._done[job.name] = min(max(done, 0.0), 1.0)
+        self._before.setdefault(job.name, self._done[job.name])
         self._bars.update(self._tasks[job.name], completed=done, text=text)
 
     def on_end(self, outcome: JobOutcome) -> None:
-        self._tally.end(outcome.job, outcome.state)
+        name, state = outcome.job.name, outcome.state
+        self._ended[state] += 1
+        if state != JobState.INTERRUPTED:
+            self._done[name] = 1.0
+        if state == JobState.FAILED:
+            self._before[name] = 1.0  # how soon it failed says nothing of how long the others take
         self._remove(outcome.job)
-        line = f"{outcome.job.name} {outcome.state} after {duration(outcome.seconds)}"
+        line = f"{name} {state} after {duration(outcome.seconds)}"
         self._say(f"{line}: {outcome.error} ({outcome.log})" if outcome.error else line)
         self.tick()
 
@@ -170,14 +119,32 @@ class ConsoleBoard(Board):
         )
 
     def tick(self) -> None:
-        self._bars.update(self._whole, completed=self._tally.fraction(), text=self._where())
+        fraction, text = self.fraction(), self.summary()
+        if remaining := self.remaining():
+            text += f", about {duration(remaining)} left"
+        self._bars.update(self._whole, completed=fraction, text=text)
         if not self._draws and self._clock() - self._last_line >= LINE_INTERVAL:
             self._last_line = self._clock()
-            self._say(f"{self._title}: {100 * self._tally.fraction():.0f} %, {self._where()}")
+            self._say(f"{self._title}: {100 * fraction:.0f} %, {text}")
 
-    def _where(self) -> str:
-        remaining = self._tally.remaining(self._clock() - self._began)
-        return self._tally.summary() + (f", about {duration(remaining)} left" if remaining else "")
+    def fraction(self) -> float:
+        """Share of the whole study that is done, from 0 to 1."""
+        total = sum(self._costs.values())
+        return self._cost(self._done) / total if total else 1.0
+
+    def remaining(self) -> float | None:
+        """Seconds to go at the pace since the study began; None as long as nothing tells."""
+        worked = self._cost(self._done) - self._cost(self._before)
+        left = sum(self._costs.values()) - self._cost(self._done)
+        return (self._clock() - self._began) * left / worked if worked > 0 else None
+
+    def summary(self) -> str:
+        """How many jobs are done and failed: "3 of 14 jobs done, 1 failed"."""
+        failed = f", {self._ended[JobState.FAILED]} failed" if self._ended[JobState.FAILED] else ""
+        return f"{self._ended[JobState.DONE]} of {len(self._costs)} jobs done{failed}"
+
+    def _cost(self, shares: Mapping[str, float]) -> float:
+        return sum(self._costs[name] * share for name, share in shares.items())
 
     def _remove(self, job: Job) -> None:
         if job.name in self._tasks:
@@ -188,7 +155,7 @@ class ConsoleBoard(Board):
 
 
 def duration(seconds: float) -> str:
-    """For people: "40 s", "12 min" or "1 h 05 min"."""
+    """A duration for people: "40 s", "12 min" or "1 h 05 min"."""
     if seconds < 59.5:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

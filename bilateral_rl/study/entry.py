@@ -1,6 +1,6 @@
 """What the process of a job runs: this file alone, by its path, so that nothing is imported but what the job imports.
 
-Standard input holds one line, the job; after it, its end says that whoever started the process is no more.
+Standard input holds one line, the job; its end, later, says that the process that started this one is no more.
 """
 
 from __future__ import annotations
@@ -14,30 +14,17 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, BinaryIO
 
 INTERVAL = 0.2
-"""Seconds between two messages that differ in their numbers only."""
-
-
-class PipeProgress:
-    """The job's progress, sent through a pipe, but not so often that its reader has work with it."""
-
-    def __init__(self, pipe: Connection) -> None:
-        self._pipe, self._sent = pipe, -INTERVAL
-        self._text: str | None = None
-
-    def update(self, done: float, text: str = "") -> None:
-        now = time.monotonic()
-        if text != self._text or now - self._sent >= INTERVAL:
-            self._pipe.send(("progress", float(done), text))
-            self._text, self._sent = text, now
+"""Seconds between two reports that differ in their numbers only."""
 
 
 def main() -> int:
-    """Do the job that standard input names; the exit code."""
+    """Do the job that standard input names, and return the exit code."""
     faulthandler.enable()
     pipe = Connection(int(sys.argv[1]), readable=False)
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -48,7 +35,7 @@ def main() -> int:
         sys.path[:] = job["path"]
         module, _, name = job["work"].partition(":")
         work = getattr(importlib.import_module(module), name)
-        work(Path(job["folder"]), PipeProgress(pipe), **job["arguments"])
+        work(Path(job["folder"]), _progress(pipe), **job["arguments"])
     except KeyboardInterrupt:
         print("Interrupted.")
         return 130
@@ -57,6 +44,20 @@ def main() -> int:
         pipe.send(("error", _in_one_line(error)))
         return 1
     return 0
+
+
+def _progress(pipe: Connection) -> Callable[[float, str], None]:
+    """The job's progress, sent through ``pipe``, but not so often that its reader has work with it."""
+    sent_at, sent_text = -INTERVAL, ""
+
+    def progress(done: float, text: str) -> None:
+        nonlocal sent_at, sent_text
+        now = time.monotonic()
+        if text != sent_text or now - sent_at >= INTERVAL:
+            pipe.send(("progress", float(done), text))
+            sent_at, sent_text = now, text
+
+    return progress
 
 
 def _take_standard_input() -> dict[str, Any]:

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
-from typing import Any, Protocol
+from typing import Any
 
 from bilateral_rl.io.errors import UserError
 
+JobProgress = Callable[[float, str], None]
+"""Called by a job with how much of it is done, from 0 to 1, and what it does, in a few words.
+
+The first call tells what was done before this time, even if that is nothing, so that remaining time can be reckoned.
+"""
+
 
 class JobState(StrEnum):
-    """Where a job is."""
+    """Whether and how a job has ended."""
 
-    WAITING = "waiting"
-    RUNNING = "running"
     DONE = "done"
     FAILED = "failed"
     INTERRUPTED = "interrupted"
-
-
-class JobProgress(Protocol):
-    """How a job tells where it is."""
-
-    def update(self, done: float, text: str = "") -> None:
-        """Tell how much of it is done, from 0 to 1, and what it does, in a few words.
-
-        The first call tells what was done before this time, be it 0, so that remaining time can be reckoned.
-        """
 
 
 @dataclass(frozen=True)
@@ -36,7 +30,7 @@ class Job:
     """One call of a function, which depends on no other job.
 
     The function is called as ``function(folder, progress, **arguments)`` in a process of its own: ``folder`` is the
-    study's, ``progress`` a :class:`JobProgress`. It writes only files of its own below ``folder``, the ``result`` last
+    study's, ``progress`` a :data:`JobProgress`. It writes only files of its own below ``folder``, the ``result`` last
     and whole: where that file is, the job is done and is not called again. Called again after it was interrupted or
     killed, it goes on where it was. At the first SIGINT it saves and returns, or lets KeyboardInterrupt through.
 
@@ -51,7 +45,7 @@ class Job:
     result: str
     """The file, relative to the study's folder, whose presence says that the job is done."""
     arguments: Mapping[str, Any] = field(default_factory=dict)
-    """Of the function: what JSON can hold."""
+    """Arguments of the function, such as JSON can hold."""
     cost: float = 1.0
     """How much work it is, in a unit of the study's own."""
     threads: int = 1
@@ -65,11 +59,11 @@ class Job:
             raise ValueError(f"{self.name} has cost {self.cost} and {self.threads} threads; both must be positive")
 
     def is_done(self, folder: Path) -> bool:
-        """Whether its result is there."""
+        """Whether its result is in the study's folder."""
         return (folder / self.result).is_file()
 
     def log(self, folder: Path) -> Path:
-        """Where what it prints is kept, of every time that it ran."""
+        """The file that keeps what the job prints, of every time that it ran."""
         return folder / "logs" / f"{self.name}.log"
 
 
@@ -87,33 +81,36 @@ class JobOutcome:
     """What it printed, and the traceback; None if it never ran."""
 
 
-def make_study_folder(folder: Path) -> None:
-    """Make it if it is not there. Raises UserError if it cannot."""
+def begin(jobs: Sequence[Job], folder: Path) -> tuple[dict[str, JobOutcome], list[Job]]:
+    """Make a study's folder, and see what is done in it already.
+
+    Args:
+        jobs: of the study.
+        folder: the study's.
+
+    Returns:
+        The outcomes, by name, of the jobs whose result is there; and the other jobs, the longest first, so that none is
+        left alone at the end.
+
+    Raises:
+        ValueError: two jobs have one name.
+        UserError: the folder cannot be made.
+    """
+    if len({job.name for job in jobs}) < len(jobs):
+        raise ValueError("two jobs of a study have one name")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(f"Cannot write the study {folder}: {error.strerror}. Choose another --out.") from None
-
-
-def done_before(jobs: Sequence[Job], folder: Path) -> dict[str, JobOutcome]:
-    """Outcomes of those jobs whose result is there already, by name. Raises ValueError for a name given twice."""
-    if len({job.name for job in jobs}) < len(jobs):
-        raise ValueError("two jobs of a study have one name")
-    return {
-        job.name: JobOutcome(job, JobState.DONE, log=_if_there(job.log(folder))) for job in jobs if job.is_done(folder)
-    }
-
-
-def longest_first(jobs: Sequence[Job]) -> list[Job]:
-    """By falling cost, so that no long job is left alone at the end; those of the same cost as they came."""
-    return sorted(jobs, key=lambda job: -job.cost)
+    outcomes = {}
+    for job in jobs:
+        if job.is_done(folder):
+            log = job.log(folder)
+            outcomes[job.name] = JobOutcome(job, JobState.DONE, log=log if log.is_file() else None)
+    return outcomes, sorted((job for job in jobs if job.name not in outcomes), key=lambda job: -job.cost)
 
 
 def is_inside(path: str) -> bool:
     """Whether a relative path stays in the folder that it starts from."""
     parts = PurePosixPath(path)
     return bool(parts.parts) and not parts.is_absolute() and ".." not in parts.parts and "\0" not in path
-
-
-def _if_there(path: Path) -> Path | None:
-    return path if path.is_file() else None

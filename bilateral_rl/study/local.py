@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.board import SILENT, Board
-from bilateral_rl.study.jobs import Job, JobOutcome, JobState, done_before, longest_first, make_study_folder
+from bilateral_rl.study.jobs import Job, JobOutcome, JobState, begin
 from bilateral_rl.study.process import JobProcess
 from bilateral_rl.training.session import StopRequest
 
@@ -26,7 +26,7 @@ def run_local(jobs: Sequence[Job], folder: Path, n_processes: int, board: Board 
         jobs: of the study.
         folder: the study's; what jobs print goes to ``logs/<name>.log`` below it.
         n_processes: how many run at a time.
-        board: who watches.
+        board: told how they come along.
 
     Returns:
         How each ended, in the order of ``jobs``.
@@ -36,10 +36,8 @@ def run_local(jobs: Sequence[Job], folder: Path, n_processes: int, board: Board 
     """
     if n_processes < 1:
         raise UserError(f"Jobs need at least one process, got {n_processes}; give --jobs a positive number.")
-    make_study_folder(folder)
-    outcomes = done_before(jobs, folder)
+    outcomes, to_do = begin(jobs, folder)
     board.begin(jobs, set(outcomes))
-    to_do = longest_first([job for job in jobs if job.name not in outcomes])
     outcomes |= _Processes(to_do, folder, board).run(n_processes)
     return [outcomes[job.name] for job in jobs]
 
@@ -51,12 +49,13 @@ class _Processes:
         self._outcomes: dict[str, JobOutcome] = {}
 
     def run(self, n: int) -> dict[str, JobOutcome]:
-        """Outcomes by name."""
+        """Run every job, ``n`` at a time, and return their outcomes by name."""
         stop = StopRequest()
         try:
             with stop.on_interrupt():
                 while not stop.requested and (self._waiting or self._running):
-                    self._start(n)
+                    while self._waiting and len(self._running) < n:
+                        self._start(self._waiting.pop(0))
                     self._look(interrupted=False)
                 if stop.requested:
                     self._board.on_interrupt()
@@ -70,15 +69,11 @@ class _Processes:
             for process in self._running:
                 process.kill()
             self._collect(interrupted=True)
-        for job in self._waiting:
-            self._outcomes[job.name] = JobOutcome(job, JobState.INTERRUPTED)
-        return self._outcomes
+        return self._outcomes | {job.name: JobOutcome(job, JobState.INTERRUPTED) for job in self._waiting}
 
-    def _start(self, n: int) -> None:
-        while self._waiting and len(self._running) < n:
-            job = self._waiting.pop(0)
-            self._running.append(JobProcess(job, self._folder, job.log(self._folder)))
-            self._board.on_start(job)
+    def _start(self, job: Job) -> None:
+        self._running.append(JobProcess(job, self._folder, job.log(self._folder)))
+        self._board.on_start(job)
 
     def _look(self, interrupted: bool) -> None:
         """Wait for a moment, then tell the board what has happened."""

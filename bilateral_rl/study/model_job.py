@@ -51,7 +51,7 @@ def train_and_measure(
 
     def on_state(done: int, total: int, name: str) -> None:
         share = _TRAINING_SHARE + (1 - _TRAINING_SHARE) * done / total
-        progress.update(share, f"testing: {lesion_words(name)}" if name else "tested")
+        progress(share, f"testing: {lesion_words(name)}" if name else "tested")
 
     results = study.run(on_state)
     path = folder / result
@@ -119,7 +119,7 @@ class _Watch(Progress):
         self.on_step(done)
 
     def on_step(self, done: int) -> None:
-        self._progress.update(_TRAINING_SHARE * done / self._total, self._text)
+        self._progress(_TRAINING_SHARE * done / self._total, self._text)
 
     def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
         training = f"{measures['seeds_training']:.0f} seeds, " if "seeds_training" in measures else ""

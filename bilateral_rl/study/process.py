@@ -1,4 +1,9 @@
-"""A job in a process of its own, as its supervisor sees it."""
+"""A job in a process of its own, as its supervisor sees it.
+
+It is a plain subprocess because `concurrent.futures.ProcessPoolExecutor` gives up all jobs when one worker is killed
+(by the system, for its memory), asks no worker to save, and re-imports the main script; and because its workers, like
+those of `multiprocessing`, live on when their parent is killed.
+"""
 
 from __future__ import annotations
 
@@ -18,21 +23,21 @@ _ENTRY = Path(__file__).with_name("entry.py")
 _THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
 Report = tuple[float, str]
-"""What is done, from 0 to 1, and in words."""
+"""How much is done, from 0 to 1, and a few words on it."""
 
 
 class JobProcess:
-    """Starts the job. The process ends by itself, by :meth:`kill`, or with the process that started it.
+    """A process that does a job. It ends by itself, by :meth:`kill`, or with the process that started it.
 
-    It is of a session of its own, so that Ctrl-C reaches it through :meth:`interrupt` alone, and once.
+    It has a session of its own, so that Ctrl-C reaches it through :meth:`interrupt` alone, and once.
 
     Args:
         job: what to do.
         folder: the study's.
-        log: file to which what the job prints is appended.
+        log: file to which everything that the job prints is appended.
 
     Attributes:
-        pipe: readable when :meth:`reports` has something to say, None after its end.
+        pipe: readable when :meth:`reports` has something to return, None after its end.
     """
 
     def __init__(self, job: Job, folder: Path, log: Path) -> None:
@@ -66,11 +71,11 @@ class JobProcess:
 
     @property
     def ended(self) -> bool:
-        """Whether the process is no more."""
+        """Whether the process has ended."""
         return self._process.poll() is not None
 
     def reports(self) -> list[Report]:
-        """Progress since the last call."""
+        """Return the job's reports since the last call."""
         reports = []
         while self.pipe is not None and self.pipe.poll():
             try:
@@ -96,7 +101,7 @@ class JobProcess:
         self._process.wait()
 
     def outcome(self, interrupted: bool = False) -> JobOutcome:
-        """How the job ended, once it did; ``interrupted`` says that it was asked to."""
+        """Wait for the end of the job, and return how it ended; ``interrupted`` says that it was asked to stop."""
         code = self._process.wait()
         self.reports()
         assert self._process.stdin is not None

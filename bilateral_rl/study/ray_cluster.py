@@ -15,7 +15,7 @@ from typing import Any
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.board import SILENT, Board
-from bilateral_rl.study.jobs import Job, JobOutcome, JobState, done_before, longest_first, make_study_folder
+from bilateral_rl.study.jobs import Job, JobOutcome, JobState, begin
 from bilateral_rl.study.process import JobProcess
 from bilateral_rl.study.transfer import pack, unpack
 from bilateral_rl.training.session import StopRequest
@@ -49,10 +49,8 @@ def run_on_ray(jobs: Sequence[Job], folder: Path, address: str, board: Board = S
             written.
     """
     ray = _import_ray()
-    make_study_folder(folder)
-    outcomes = done_before(jobs, folder)
+    outcomes, to_do = begin(jobs, folder)
     board.begin(jobs, set(outcomes))
-    to_do = longest_first([job for job in jobs if job.name not in outcomes])
     if to_do:
         with _connected(ray, address):
             _refuse_too_wide(ray, to_do)

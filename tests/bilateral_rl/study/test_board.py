@@ -3,7 +3,7 @@ import io
 import pytest
 from rich.console import Console
 
-from bilateral_rl.study.board import ConsoleBoard, Tally, duration
+from bilateral_rl.study.board import ConsoleBoard, duration
 from bilateral_rl.study.jobs import JobOutcome, JobState
 
 
@@ -35,60 +35,71 @@ def jobs(toy):
     return [toy("write", "a", cost=6), toy("write", "b", cost=3), toy("write", "c", cost=1)]
 
 
-def test_a_fraction_counts_the_cost_of_jobs(jobs):
+def ended(job, state):
+    return JobOutcome(job, state, 1.0)
+
+
+def test_a_fraction_counts_the_cost_of_jobs(jobs, lines):
     a, b, _c = jobs
-    tally = Tally(jobs, {"c"})
-    assert tally.fraction() == pytest.approx(1 / 10)
-    tally.start(a)
-    tally.progress(a, 0.5)
-    assert tally.fraction() == pytest.approx((1 + 3) / 10)
-    tally.end(a, JobState.DONE)
-    tally.start(b)
-    tally.end(b, JobState.FAILED)
-    assert tally.fraction() == 1.0
-    assert tally.summary() == "2 of 3 jobs done, 1 failed"
-    assert tally.states == {"a": JobState.DONE, "b": JobState.FAILED, "c": JobState.DONE}
+    lines.begin(jobs, {"c"})
+    assert lines.fraction() == pytest.approx(1 / 10)
+    lines.on_start(a)
+    lines.on_progress(a, 0.5, "")
+    assert lines.fraction() == pytest.approx((1 + 3) / 10)
+    lines.on_end(ended(a, JobState.DONE))
+    lines.on_start(b)
+    lines.on_end(ended(b, JobState.FAILED))
+    assert lines.fraction() == 1.0
+    assert lines.summary() == "2 of 3 jobs done, 1 failed"
 
 
-def test_what_is_left_takes_as_long_as_what_was_done_for_its_cost(jobs):
+def test_what_is_left_takes_as_long_as_what_was_done_for_its_cost(jobs, lines, clock):
     a, _b, _c = jobs
-    tally = Tally(jobs, set())
-    assert tally.remaining(5.0) is None
-    tally.start(a)
-    tally.progress(a, 0.0)
-    tally.progress(a, 0.5)
-    assert tally.remaining(30.0) == pytest.approx(70.0)  # 3 of 10 took 30 s
-    tally.end(a, JobState.DONE)
-    assert tally.remaining(60.0) == pytest.approx(40.0)
+    lines.begin(jobs, set())
+    clock.seconds = 5.0
+    assert lines.remaining() is None
+    lines.on_start(a)
+    lines.on_progress(a, 0.0, "")
+    lines.on_progress(a, 0.5, "")
+    clock.seconds = 30.0
+    assert lines.remaining() == pytest.approx(70.0)  # 3 of 10 took 30 s
+    lines.on_end(ended(a, JobState.DONE))
+    clock.seconds = 60.0
+    assert lines.remaining() == pytest.approx(40.0)
 
 
-def test_what_was_done_before_took_no_time_now(jobs):
+def test_what_was_done_before_took_no_time_now(jobs, lines, clock):
     a, _b, _c = jobs
-    tally = Tally(jobs, {"b"})
-    tally.start(a)
-    tally.progress(a, 0.5)  # where it was when it was interrupted
-    assert tally.remaining(10.0) is None
-    tally.progress(a, 0.75)
-    assert tally.remaining(30.0) == pytest.approx(30.0 * (1.5 + 1) / 1.5)
+    lines.begin(jobs, {"b"})
+    lines.on_start(a)
+    lines.on_progress(a, 0.5, "")  # where it was when it was interrupted
+    clock.seconds = 10.0
+    assert lines.remaining() is None
+    lines.on_progress(a, 0.75, "")
+    clock.seconds = 30.0
+    assert lines.remaining() == pytest.approx(30.0 * (1.5 + 1) / 1.5)
 
 
-def test_a_job_that_failed_at_once_promises_nothing(jobs):
+def test_a_job_that_failed_at_once_promises_nothing(jobs, lines, clock):
     a, b, _c = jobs
-    tally = Tally(jobs, set())
-    tally.start(a)
-    tally.end(a, JobState.FAILED)
-    assert tally.remaining(1.0) is None
-    tally.start(b)
-    tally.end(b, JobState.DONE)
-    assert tally.remaining(31.0) == pytest.approx(31.0 / 3)
+    lines.begin(jobs, set())
+    lines.on_start(b)
+    lines.on_end(ended(b, JobState.FAILED))
+    clock.seconds = 1.0
+    assert lines.remaining() is None
+    lines.on_start(a)
+    lines.on_progress(a, 0.0, "")
+    lines.on_progress(a, 0.5, "")
+    clock.seconds = 30.0
+    assert lines.remaining() == pytest.approx(30.0 * (3 + 1) / 3)
 
 
-def test_a_job_that_starts_once_more_begins_anew(jobs):
-    tally = Tally(jobs, set())
-    tally.start(jobs[0])
-    tally.progress(jobs[0], 0.5)
-    tally.start(jobs[0])
-    assert tally.fraction() == 0.0
+def test_a_job_that_starts_once_more_begins_anew(jobs, lines):
+    lines.begin(jobs, set())
+    lines.on_start(jobs[0])
+    lines.on_progress(jobs[0], 0.5, "")
+    lines.on_start(jobs[0])
+    assert lines.fraction() == 0.0
 
 
 def test_a_request_to_stop_is_answered_at_once(jobs, lines, paper):

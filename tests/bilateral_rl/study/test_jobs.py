@@ -1,6 +1,6 @@
 import pytest
 
-from bilateral_rl.study.jobs import Job, done_before, longest_first
+from bilateral_rl.study.jobs import Job, begin
 
 
 @pytest.mark.parametrize("path", ["", "/etc/passwd", "../other", "runs/../../other", "a\0b"])
@@ -19,9 +19,10 @@ def test_cost_and_threads_are_positive(numbers):
 
 def test_two_jobs_of_one_name_are_refused(tmp_path, toy):
     with pytest.raises(ValueError, match="one name"):
-        done_before([toy("write", "a"), toy("write", "a", text="other")], tmp_path)
+        begin([toy("write", "a"), toy("write", "a", text="other")], tmp_path)
 
 
-def test_the_longest_is_first_and_equals_stay_in_order(toy):
+def test_the_longest_is_first_and_equals_stay_in_order(tmp_path, toy):
     jobs = [toy("write", name, cost=cost) for name, cost in (("a", 1), ("b", 3), ("c", 1), ("d", 2))]
-    assert [job.name for job in longest_first(jobs)] == ["b", "d", "a", "c"]
+    _, to_do = begin(jobs, tmp_path)
+    assert [job.name for job in to_do] == ["b", "d", "a", "c"]

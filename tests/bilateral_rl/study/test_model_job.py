@@ -28,7 +28,7 @@ class Watcher:
     def __init__(self, when=lambda done, text, n: False, react=lambda: None):
         self.told, self._when, self._react = [], when, react
 
-    def update(self, done, text=""):
+    def __call__(self, done, text):
         self.told.append((done, text))
         if self._when(done, text, len(self.told)):
             self._when = lambda *_: False

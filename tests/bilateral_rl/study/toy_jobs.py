@@ -23,7 +23,7 @@ def write(folder, progress, name, seconds=0.0, text="made", shared=None):
 
 def tell(folder, progress, name):
     for done in (0.0, 0.25, 0.75):
-        progress.update(done, f"step {done}")
+        progress(done, f"step {done}")
     write(folder, progress, name)
 
 
@@ -65,7 +65,7 @@ def save_when_asked(folder, progress, name):
     if count == 1:
         try:
             note(folder, name, "start")
-            progress.update(0.0, "ready")
+            progress(0.0, "ready")
             time.sleep(60)
         except KeyboardInterrupt:
             time.sleep(0.3)  # a second SIGINT would be seen here
@@ -78,12 +78,12 @@ def save_when_asked(folder, progress, name):
 def ignore_interrupts(folder, progress):
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     note(folder, "stubborn", "start")
-    progress.update(0.0, "ready")
+    progress(0.0, "ready")
     time.sleep(60)
 
 
 def chatter(folder, progress, name):
     began = time.monotonic()
     for i in range(100_000):
-        progress.update(i / 100_000, "same")
+        progress(i / 100_000, "same")
     (folder / name).write_text(str(time.monotonic() - began))

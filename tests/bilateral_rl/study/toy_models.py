@@ -6,7 +6,7 @@ from pathlib import Path
 
 def measure(folder, progress, config, lesions, runs, result):
     """Take the prepared results; fails where there are none."""
-    progress.update(0.0, "training")
+    progress(0.0, "training")
     print(f"<script>alert('{config['model']}')</script>")
     prepared = Path(folder).parent / "prepared" / Path(result).relative_to("results")
     if not prepared.is_file():

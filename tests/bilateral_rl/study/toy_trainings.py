@@ -18,7 +18,7 @@ class _Noting(Progress):
 
     def on_evaluation(self, done, measures):
         self._note()
-        self._progress.update(0.5, f"validation loss {measures['validation_loss']:.3f}")
+        self._progress(0.5, f"validation loss {measures['validation_loss']:.3f}")
         time.sleep(1.0)
 
 
