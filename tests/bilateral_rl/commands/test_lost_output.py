@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 
-
 CUT, FULL = 141, 1
 
 
