@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
+from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
 
@@ -58,6 +59,22 @@ class Hemispheric(BaseAlgorithm):
         self.reward_scale = reward_scale
         policy_kwargs = {"n_streams": len(stream_mix(loss))} | (policy_kwargs or {})
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **sb3_arguments)
+
+    @classmethod
+    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+        """Translate a configuration's hyperparameters into arguments of the constructor.
+
+        A subclass translates those of its own whose name or form is another one in configurations, which hold nothing
+        but numbers, and hands the others on.
+
+        Args:
+            hyperparameters: the algorithm's section of a configuration, such as ``ppo:``.
+            n_envs: number of environments.
+            n_actions: number of muscles.
+        """
+        arguments = dict(hyperparameters)
+        arguments["learning_rate"] = linear_schedule(arguments["learning_rate"], arguments.pop("final_learning_rate"))
+        return arguments
 
     def _setup_model(self) -> None:
         if not isinstance(self.observation_space, spaces.Box):

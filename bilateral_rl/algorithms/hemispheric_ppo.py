@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
+from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -133,6 +135,12 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             _init_setup_model=_init_setup_model,
         )
 
+    @classmethod
+    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+        arguments["batch_size"] = _even_batch(arguments["batch_size"], arguments["n_steps"] * n_envs)
+        return arguments
+
     def train(self) -> None:
         """Update the policy from the rollout buffer."""
         self.policy.set_training_mode(True)
@@ -182,3 +190,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             return values
         clip = self.clip_range_vf(self._current_progress_remaining)  # type: ignore[operator]
         return old_values + (values - old_values).clamp(-clip, clip)
+
+
+def _even_batch(largest: int, samples: int) -> int:
+    """Return the minibatch size that splits ``samples`` into the fewest, most equal parts of at most ``largest``."""
+    return math.ceil(samples / math.ceil(samples / largest))

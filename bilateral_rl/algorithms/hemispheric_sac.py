@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import torch
@@ -148,6 +149,16 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             device=device,
             _init_setup_model=_init_setup_model,
         )
+
+    @classmethod
+    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+        initial_ent_coef = arguments.pop("initial_ent_coef")
+        if arguments["ent_coef"] is None:
+            arguments["ent_coef"] = f"auto_{initial_ent_coef}"
+        if arguments["target_entropy"] is None:
+            arguments["target_entropy"] = "auto"
+        return arguments
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """Return every trained parameter by owner; the log of the temperature is shared."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
 from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.noise import ActionNoise, NormalActionNoise
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, ReplayBufferSamples, Schedule
 from stable_baselines3.common.utils import polyak_update
@@ -136,6 +138,12 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             device=device,
             _init_setup_model=_init_setup_model,
         )
+
+    @classmethod
+    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+        std = np.full(n_actions, arguments["action_noise"])
+        return arguments | {"action_noise": NormalActionNoise(np.zeros(n_actions), std)}
 
     def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
         policy = self.policy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -41,6 +41,12 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
     ) -> None:
         self.critic_warm_up = critic_warm_up
         super().__init__(policy, env, **arguments)
+
+    @classmethod
+    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+        del arguments["n_critics"]  # an argument of the policy
+        return arguments
 
     def _setup_model(self) -> None:
         if self.replay_buffer_class not in (None, StreamReplayBuffer):

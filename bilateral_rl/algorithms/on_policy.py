@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -18,6 +19,7 @@ from torch import Tensor
 
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.routing import clip_group_gradients
+from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRolloutBuffer
 from bilateral_rl.policies import POLICY_ALIASES, BilateralActorCriticPolicy
 from bilateral_rl.vocabulary import stream_mix, stream_names
@@ -41,6 +43,12 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
     policy: BilateralActorCriticPolicy
     rollout_buffer: StreamRolloutBuffer
     normalize_advantage: bool
+
+    @classmethod
+    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+        arguments["ent_coef"] = linear_schedule(arguments["ent_coef"], arguments.pop("final_ent_coef"))
+        return arguments
 
     def _setup_model(self) -> None:
         # Models saved by version 0.1.0 name SB3's buffer, which they did not use.

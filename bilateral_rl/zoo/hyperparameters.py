@@ -7,12 +7,13 @@ from types import ModuleType
 from typing import Any
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
+from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.config.parse import plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import RLConfig, TD3Config
 from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.runs.policies import policy_arguments
-from bilateral_rl.training.build import algorithm_arguments, linear_schedule
+from bilateral_rl.training.build import algorithm_arguments
 from bilateral_rl.zoo import ZOO_ALGORITHMS
 
 POLICY = "CallosalPolicy"

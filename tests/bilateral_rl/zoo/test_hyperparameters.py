@@ -6,9 +6,10 @@ from argparse import Namespace
 import pytest
 import yaml
 
+from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import ENVIRONMENT_IDS
-from bilateral_rl.training.build import build_algorithm, linear_schedule
+from bilateral_rl.training.build import build_algorithm
 from bilateral_rl.zoo import ZOO_ALGORITHMS
 from bilateral_rl.zoo.hyperparameters import hyperparameters, parse_schedule, tuned_module
 
