@@ -1,4 +1,4 @@
-"""A claim of the paper, what it consists of, and what our results say of it."""
+"""A claim of the paper, its components, and what our results say about them."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ class Component:
     """One statement of a claim that a single estimate or test decides."""
 
     text: str
-    """What is stated, such as "goal completion within 5 cm: uni_dl > uni_ndl"."""
+    """The statement, such as "goal completion within 5 cm: uni_dl > uni_ndl"."""
     measured: str
-    """What is compared, mean ± standard deviation over the seeds; "" if nothing was measured."""
+    """The samples that are compared, mean ± standard deviation over the seeds; "" if nothing was measured."""
     quantity: str
-    """What is estimated, such as "mean", "difference" or "ratio"; "" if nothing was."""
+    """Name of what is estimated, such as "mean", "difference" or "ratio"; "" if nothing was."""
     unit: str
-    """Of the estimate, "" if it has none."""
+    """Unit of the estimate, "" if it has none."""
     estimate: Interval
-    """With its own 95 % interval; NaN where there is none."""
+    """The estimate with its own 95 % interval; NaN where there is none."""
     verdict: Verdict
     test: str = ""
-    """"" where an interval alone decides."""
+    """Name of the test, "" where an interval alone decides."""
     p: float = float("nan")
-    """Adjusted for the family of comparisons that ``test`` names; NaN where there is no test."""
+    """p-value, adjusted for the family of comparisons that ``test`` names; NaN where there is no test."""
     tukey_p: float = float("nan")
-    """The paper's test of the same comparison, Tukey's HSD; NaN where it has none."""
+    """p-value of the paper's test of the same comparison, Tukey's HSD; NaN where the paper has none."""
     note: str = ""
+    """What readers must know about the numbers."""
 
     @property
     def numbers(self) -> str:
@@ -56,14 +57,16 @@ class Claim:
     number: str
     """"C1" to "C14"."""
     statement: str
-    """The paper's."""
+    """The claim in words, after the paper."""
     components: tuple[Component, ...]
+    """The statements that make up the claim."""
     without_retraining: tuple[Component, ...] = ()
-    """Of a claim on lesions: the same of networks that were not retrained after the lesion. They decide nothing."""
+    """The same statements about networks that were not retrained after their lesion; they decide nothing. Only claims
+    on lesions have them."""
 
     @property
     def verdict(self) -> Verdict:
-        """Supported if all components are, not supported if any is not, otherwise undecided."""
+        """The claim is supported if all components are, not supported if any is not, otherwise undecided."""
         return all_of(component.verdict for component in self.components)
 
     @property
@@ -73,12 +76,12 @@ class Claim:
 
     @property
     def tests(self) -> str:
-        """The names of the tests; where there are none, that intervals decide."""
+        """The names of the tests, or "95 % interval" where intervals decide."""
         return join_notes(*(component.test or "95 % interval" for component in self.components))
 
     @property
     def note(self) -> str:
-        """What is missing or otherwise to be said, each thing once; "" if nothing."""
+        """What is missing and what else readers must know, each thing once; "" if nothing."""
         notes = join_notes(*(component.note for component in self.components))
         if not self.without_retraining:
             return notes

@@ -22,32 +22,32 @@ _NOTHING = Interval(_NAN, _NAN, _NAN, 0)
 
 @dataclass(frozen=True)
 class Contrast:
-    """Two samples of one measure of which the first should be greater."""
+    """Two samples of one measure, the first of which should be greater."""
 
     greater: Sample
     lesser: Sample
     paired: bool = False
-    """Whether both are of the same networks, so that seeds are compared with themselves."""
+    """Whether both samples are of the same networks, so that each seed is compared with itself."""
 
     @property
     def text(self) -> str:
-        """What is stated."""
+        """The statement in words."""
         return f"{self.greater.measure.text}: {self.greater.name} > {self.lesser.name}"
 
     @property
     def values(self) -> tuple[Float64, Float64]:
-        """Of both, seed by seed if paired."""
+        """Values of both samples; if paired, (n,) each of the seeds that both have."""
         if self.paired:
             return align(self.greater.values, self.lesser.values)
         return self.greater.values.to_numpy(dtype=float), self.lesser.values.to_numpy(dtype=float)
 
     def test(self) -> PairTest:
-        """Of this contrast alone."""
+        """Test this contrast alone."""
         return paired_test(*self.values) if self.paired else welch_test(*self.values)
 
 
 def holm_family(contrasts: Sequence[Contrast]) -> list[Component]:
-    """Directions, each tested paired or by Welch's t, p-values adjusted after Holm for all of them."""
+    """Test directions, each by a paired or by Welch's t test, with p-values adjusted for all of them after Holm."""
     tests = [contrast.test() for contrast in contrasts]
     adjusted = holm([test.p for test in tests])
     suffix = ", Holm" if len(tests) > 1 else ""
@@ -58,7 +58,7 @@ def holm_family(contrasts: Sequence[Contrast]) -> list[Component]:
 
 
 def post_hoc(evidence: Evidence, contrasts: Sequence[Contrast], rule: Rule = is_greater) -> list[Component]:
-    """Directions between intact models, p-values of Games–Howell over all models, Tukey's HSD reported beside them."""
+    """Test directions between intact models by Games–Howell over all models, with Tukey's HSD reported beside it."""
     components = []
     for contrast in contrasts:
         pair = contrast.greater.model, contrast.lesser.model
@@ -68,12 +68,12 @@ def post_hoc(evidence: Evidence, contrasts: Sequence[Contrast], rule: Rule = is_
 
 
 def not_greater(evidence: Evidence, contrasts: Sequence[Contrast]) -> list[Component]:
-    """That the first of each contrast is not conclusively greater, by :func:`post_hoc`."""
+    """State that the first sample of each contrast is not conclusively greater, tested as in :func:`post_hoc`."""
     return post_hoc(evidence, contrasts, is_not_conclusively_greater)
 
 
 def mean_within(sample: Sample, low: float, high: float = float("inf")) -> Component:
-    """That a mean lies from ``low`` to ``high``, in the unit of its metric."""
+    """State that a mean lies between ``low`` and ``high``, in the unit of its metric."""
     text = f"{sample.measure.text}: {sample.name} {_range(low, high)} {sample.measure.metric.unit}"
     if sample.missing:
         return undecided(text, [sample])
@@ -85,24 +85,24 @@ def mean_within(sample: Sample, low: float, high: float = float("inf")) -> Compo
 def ratio_within(
     first: Sample, second: Sample, low: float, high: float = float("inf"), *, paired: bool = False
 ) -> Component:
-    """That the ratio of two means, first / second, lies from ``low`` to ``high``."""
+    """State that the ratio of two means, first / second, lies between ``low`` and ``high``."""
     text = f"{first.measure.text}: {first.name} / {second.name} {_range(low, high)}"
     return _share(text, [first, second], Contrast(first, second, paired).values, low, high, paired)
 
 
 def difference_within(first: Sample, second: Sample, share: float, whole: Sample | None = None) -> Component:
-    """That two states of the same networks differ by at most ``share`` of ``whole``, or of their own mean (None)."""
-    of = whole.name if whole else "their mean"
-    text = f"{first.measure.text}: {first.name} − {second.name} within ±{100 * share:g} % of {of}"
+    """State that two samples of the same networks differ by at most ``share`` of ``whole``; None is their own mean."""
+    reference = whole.name if whole else "their mean"
+    text = f"{first.measure.text}: {first.name} − {second.name} within ±{100 * share:g} % of {reference}"
     samples = [first, second, *([whole] if whole else [])]
     table = pd.concat([sample.values for sample in samples], axis=1, join="inner").to_numpy(dtype=float)
     a, b = table[:, 0], table[:, 1]
     values = a - b, table[:, 2] if whole else (a + b) / 2
-    return _share(text, samples, values, -share, share, paired=True, quantity=f"difference / {of}")
+    return _share(text, samples, values, -share, share, paired=True, quantity=f"difference / {reference}")
 
 
 def undecided(text: str, samples: Sequence[Sample]) -> Component:
-    """A component that cannot be decided, because some of ``samples`` have no numbers."""
+    """Return a component that cannot be decided, because some of ``samples`` have no values."""
     names = ", ".join(f"{sample.name} in {sample.measure.task}" for sample in samples if sample.missing)
     return Component(text, "", "", "", _NOTHING, "undecided", note=f"no results of {names}")
 

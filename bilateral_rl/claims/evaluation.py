@@ -81,12 +81,12 @@ CLAIMS: dict[str, OnModels] = {
 
 
 def evaluate_claims(results: pd.DataFrame, settings: ClaimSettings = DEFAULTS) -> list[Claim]:
-    """Every claim with what our results say of it.
+    """Evaluate every claim.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm; a model, task or lesion that is
             missing leaves the components that need it undecided.
-        settings: which goals.
+        settings: the goals' radii.
 
     Raises:
         UserError: results of several algorithms, several values of one seed, or a radius that no goal can have.

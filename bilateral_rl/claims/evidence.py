@@ -24,7 +24,7 @@ _NUMBER = {model: number for number, model in enumerate(MODELS)}
 
 @dataclass(frozen=True)
 class ClaimSettings:
-    """What the paper leaves open."""
+    """Settings that the paper leaves open."""
 
     reach_radius: float = 0.05
     """Radius of the goal in random_reach (m)."""
@@ -78,7 +78,7 @@ class Evidence:
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
-        settings: which goals.
+        settings: the goals' radii.
 
     Attributes:
         completion, speed, hold: the measures of the claims.

@@ -1,7 +1,7 @@
 """C9 to C14: the intact models against each other (paper section 7).
 
-Models are compared by Games–Howell over all that there are; the paper's Tukey HSD stands beside it. How good a model is
-at reaching (C13, C14) is its speed to goal, since every model completes nearly all reaches (C9).
+Models are compared by Games–Howell over all of them; the paper's Tukey HSD stands beside it. C13 and C14 judge reaching
+by speed to goal, since every model completes nearly all reaches (C9).
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from bilateral_rl.claims.margins import COMPLETES, NOT_WORSE
 from bilateral_rl.config.catalogue import MODELS
 
 SPECIALIZED = (("bi_s", "bi_ns"), ("cc_s", "cc_ns"))
-"""Each specialized model with two hemispheres, and the same network not specialized."""
+"""Each specialized model with two hemispheres, and the same network trained without specialization."""
 
 CALLOSAL = ("cc_s", "cc_ns")
 """The models with a callosum."""
 
 
 def every_model_completes(evidence: Evidence) -> list[Component]:
-    """C9."""
+    """C9: every model completes nearly all reaches."""
     return [mean_within(evidence.intact(evidence.completion, model), COMPLETES) for model in MODELS]
 
 
 def strongest_in_reach(evidence: Evidence) -> list[Component]:
-    """C10.
+    """C10: which models are strongest in reach.
 
-    That specialized models do not conclusively beat the others is a statement on speed, and for the callosal pair on
-    completion too: for the other pair the claim itself has bi_s best at completion.
+    That specialized models do not conclusively beat the others is a statement about speed, and for the callosal pair
+    about completion too: for the other pair the claim itself has bi_s best at completion.
     """
     pairs = [_contrast(evidence, evidence.speed, *pair) for pair in SPECIALIZED]
     pairs.append(_contrast(evidence, evidence.completion, "cc_s", "cc_ns"))
@@ -40,7 +40,7 @@ def strongest_in_reach(evidence: Evidence) -> list[Component]:
 
 
 def strongest_in_hold(evidence: Evidence) -> list[Component]:
-    """C11."""
+    """C11: the specialized callosal model holds best; specialized models hold at least as well as the others."""
     hold = evidence.hold
     return [
         *post_hoc(evidence, _against_all(evidence, hold, "cc_s")),
@@ -49,13 +49,13 @@ def strongest_in_hold(evidence: Evidence) -> list[Component]:
 
 
 def two_hemispheres_hold_better(evidence: Evidence) -> list[Component]:
-    """C12."""
+    """C12: every bilateral model holds better than the unilateral one with both losses."""
     bilateral = [model for pair in SPECIALIZED for model in reversed(pair)]
     return post_hoc(evidence, [_contrast(evidence, evidence.hold, model, "uni_b") for model in bilateral])
 
 
 def as_good_as_the_specialist(evidence: Evidence) -> list[Component]:
-    """C13."""
+    """C13: the best specialized bilateral model against the unilateral specialists of each task."""
     components = []
     for measure, preferred, other in (
         (evidence.speed, "uni_dl", "uni_ndl"),
@@ -74,7 +74,7 @@ def as_good_as_the_specialist(evidence: Evidence) -> list[Component]:
 
 
 def best_has_a_callosum(evidence: Evidence) -> list[Component]:
-    """C14."""
+    """C14: the best model of each task has a callosum."""
     components = []
     for measure in (evidence.speed, evidence.hold):
         callosal = [evidence.intact(measure, model) for model in MODELS if model in CALLOSAL]
@@ -97,7 +97,7 @@ def _against_all(evidence: Evidence, measure: Measure, model: str) -> list[Contr
 
 
 def _best(samples: Sequence[Sample]) -> Sample | None:
-    """The one with the greatest mean; None if one has no results, because then nobody knows."""
+    """Return the sample with the greatest mean; None if one has no results, because then nobody knows."""
     return None if any(sample.missing for sample in samples) else max(samples, key=lambda sample: sample.mean)
 
 

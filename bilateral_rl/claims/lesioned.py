@@ -1,8 +1,8 @@
 """C4 to C8: what hemispheres and the callosum do, seen by lesions (paper sections 6 and 7).
 
-Performance is goal completion in a reach and time in the goal in a hold. Speed would not do: it is only of the reaches
-that succeed, and few may after a lesion. States of one model are paired by seed, those of different models are not;
-the tests of a claim are one family, adjusted after Holm.
+Performance is goal completion in a reach and time in the goal in a hold. Speed would not do: only reaches that succeed
+have one, and after a lesion few may. States of one model are paired by seed, those of different models are not; the
+tests of a claim are one family, adjusted after Holm.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from bilateral_rl.vocabulary import SIDES, Side
 
 
 def specialization_without_callosum(evidence: Evidence) -> list[Component]:
-    """C4."""
+    """C4: the hemispheres of Bi-S specialize, and those of Bi-NS lie between them."""
     contrasts = _hemispheres(evidence, "bi_s")
     for measure, preferred, other in _preferred_sides(evidence):
         best = evidence.hemisphere(measure, "bi_s", preferred)
@@ -32,7 +32,7 @@ def specialization_without_callosum(evidence: Evidence) -> list[Component]:
 
 
 def equal_hemispheres(evidence: Evidence) -> list[Component]:
-    """C5: the mean over the seeds, so that sides may differ in single networks, but neither is the better one."""
+    """C5: the sides of Bi-NS differ little in the mean over the seeds; in single networks they may differ more."""
     components = []
     for measure in (evidence.completion, evidence.hold):
         dominant, non_dominant = (evidence.hemisphere(measure, "bi_ns", side) for side in SIDES)
@@ -43,7 +43,7 @@ def equal_hemispheres(evidence: Evidence) -> list[Component]:
 
 
 def shallow_worse_than_deep(evidence: Evidence) -> list[Component]:
-    """C6."""
+    """C6: shallow lesions hurt more than deep ones."""
     measures = (evidence.completion, evidence.hold)
     return holm_family(
         [
@@ -58,12 +58,12 @@ def shallow_worse_than_deep(evidence: Evidence) -> list[Component]:
 
 
 def specialization_with_callosum(evidence: Evidence) -> list[Component]:
-    """C7."""
+    """C7: the hemispheres of CC-S specialize."""
     return holm_family(_hemispheres(evidence, "cc_s"))
 
 
 def lesion_of_callosum(evidence: Evidence) -> list[Component]:
-    """C8, of both callosal models; the intact network is the one before the lesion, never retrained."""
+    """C8: what callosal models can do without callosum; the intact network is that before the lesion, not retrained."""
     components = []
     for model in CALLOSAL:
         reach, hold = (evidence.intact(measure, model) for measure in (evidence.completion, evidence.hold))

@@ -38,4 +38,4 @@ NOT_WORSE = 0.95
 """Ratio above which a model is at least as good as another (C11, C13) [ours]."""
 
 PAPER_SEEDS = 10
-"""Of each model [text]. With fewer, the absence of a significant difference (C10) means nothing."""
+"""Seeds of each model [text]. With fewer, the absence of a significant difference (C10) means nothing."""

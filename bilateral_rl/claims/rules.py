@@ -1,7 +1,7 @@
 """From an estimate and a test to a verdict.
 
-The intervals are those of each comparison for itself; the p-values are adjusted for the comparisons of their family.
-A claim needs all its components, so that it takes no adjustment beyond that of the families.
+Intervals are those of each comparison by itself; p-values are adjusted for the comparisons of their family. A claim
+needs all its components, so no adjustment beyond that of the families is due.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Verdict = Literal["supported", "not supported", "undecided"]
 
 
 def is_greater(difference: Interval, p: float, matters: float) -> Verdict:
-    """Whether one mean is greater than another.
+    """Decide whether one mean is greater than another.
 
     Supported if significantly so. Not supported if significantly less, or if the interval of the difference lies
     below the smallest difference that ``matters``. NaN, where nothing could be tested or estimated, decides nothing.
@@ -28,7 +28,7 @@ def is_greater(difference: Interval, p: float, matters: float) -> Verdict:
 
 
 def is_not_conclusively_greater(difference: Interval, p: float, matters: float) -> Verdict:
-    """Whether a study such as the paper's does not find one mean greater than another.
+    """Decide whether a study such as the paper's would not find one mean greater than another.
 
     Not supported if it is significantly greater. Supported if the interval excludes a difference that ``matters``, or
     if as many seeds as the paper's show no significant one.
@@ -41,15 +41,15 @@ def is_not_conclusively_greater(difference: Interval, p: float, matters: float) 
 
 
 def is_within(estimate: Interval, low: float, high: float) -> Verdict:
-    """Whether a quantity lies from ``low`` to ``high``: supported if its interval does, not if that lies outside."""
+    """Decide whether a quantity lies within a range: supported if its interval does, not if that lies outside."""
     if low <= estimate.low and estimate.high <= high:
         return "supported"
     return "not supported" if estimate.high < low or estimate.low > high else "undecided"
 
 
 def all_of(verdicts: Iterable[Verdict]) -> Verdict:
-    """Supported if all are, not supported if any is not, undecided otherwise, and where there are none."""
-    found = set(verdicts)
-    if "not supported" in found:
+    """Combine verdicts: supported if all are, not supported if any is not, otherwise (and of none) undecided."""
+    different = set(verdicts)
+    if "not supported" in different:
         return "not supported"
-    return "supported" if found == {"supported"} else "undecided"
+    return "supported" if different == {"supported"} else "undecided"

@@ -15,7 +15,10 @@ from bilateral_rl.claims.margins import (
 
 
 def completion_of_reaches(evidence: Evidence) -> list[Component]:
-    """C1. Only two models are compared, and before the others are trained: a planned test, Welch's t."""
+    """C1: how many reaches each loss completes.
+
+    Only two models are compared, and before the others are trained: the test is a planned one, Welch's t.
+    """
     dominant, non_dominant = (evidence.intact(evidence.completion, model) for model in ("uni_dl", "uni_ndl"))
     papers = ((dominant, UNI_DL_COMPLETION), (non_dominant, UNI_NDL_COMPLETION))
     sizes = [
@@ -25,12 +28,12 @@ def completion_of_reaches(evidence: Evidence) -> list[Component]:
 
 
 def speed_of_reaches(evidence: Evidence) -> list[Component]:
-    """C2."""
+    """C2: the dominant loss reaches faster."""
     dominant, non_dominant = (evidence.intact(evidence.speed, model) for model in ("uni_dl", "uni_ndl"))
     return [ratio_within(dominant, non_dominant, *SPEED_RATIO)]
 
 
 def time_of_holding(evidence: Evidence) -> list[Component]:
-    """C3."""
+    """C3: the non-dominant loss holds longer."""
     dominant, non_dominant = (evidence.intact(evidence.hold, model) for model in ("uni_dl", "uni_ndl"))
     return [ratio_within(non_dominant, dominant, *HOLD_RATIO)]

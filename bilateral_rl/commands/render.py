@@ -68,11 +68,11 @@ def render(
     path = out or default_path(actors, lesion, weights)
     files.check_path(path)
     evaluator = Evaluator(actors[0].config.task, settings, trials, seed)
-    takes = [
+    performances = [
         actor.perform(evaluator, lesion, settings.threshold, label)
         for actor, label in zip(actors, labels(actors, lesion), strict=True)
     ]
-    film = Film(takes, slow_down, size)
+    film = Film(performances, slow_down, size)
     pictures = track(film, "drawing", console=console, transient=True, disable=not console.is_terminal)
     arguments = ["--trials", str(trials), "--seed", str(seed), "--lesion", lesion, "--weights", weights]
     files.write(path, film, pictures, shlex.join([*runs, *arguments]))

@@ -29,7 +29,7 @@ from bilateral_rl.training.lesion_probe import read_probes
 from bilateral_rl.vocabulary import TEST_SEED
 
 TRIALS, TRIALS_SEED = 128, TEST_SEED
-"""Of the trials that figures show."""
+"""Number and seed of the trials that figures show."""
 _COMPARED = {
     "random_reach": ("goal_completion", "speed_to_goal", "effort", "sparc"),
     "hold_position": ("time_in_goal", "hold_speed", "effort"),
@@ -44,7 +44,7 @@ class Drawing:
     """A figure and what it shows."""
 
     name: str
-    """Of its files."""
+    """Name of its files, without suffix."""
     caption: str
     figure: Figure
 
@@ -52,28 +52,28 @@ class Drawing:
 def draw_study(
     results: pd.DataFrame, radii: Mapping[str, float], runs: Mapping[str, Mapping[str, list[RunFolder]]]
 ) -> Iterator[Drawing]:
-    """What a study found, figure by figure.
+    """Draw what a study found, figure by figure.
 
     Args:
-        results: the long table.
-        radii: of each task's goal (m).
+        results: the long table (:mod:`bilateral_rl.analysis.results`).
+        radii: radius of the goal by task (m).
         runs: the runs that are done, by task and model.
     """
     for task, radius in radii.items():
         if task in set(results["task"]):
-            yield from _of_models(results, task, radius)
-    yield from _of_lesions(results, radii)
+            yield from _draw_models(results, task, radius)
+    yield from _draw_lesions(results, radii)
     for task, radius in radii.items():
         if runs.get(task):
-            yield from _of_runs(task, radius, runs[task])
+            yield from _draw_runs(task, radius, runs[task])
 
 
 def compared_metrics(task: str, radius: float) -> list[str]:
-    """Names of the metrics by which a task's models are compared; the preferred one comes first."""
+    """Return the names of the metrics by which a task's models are compared, the preferred one first."""
     return [metric_name(name, radius) for name in _COMPARED[task]]
 
 
-def _of_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Drawing]:
+def _draw_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Drawing]:
     names = compared_metrics(task, radius)
     if results.loc[results["task"] == task, "model"].nunique() < 2:
         return
@@ -87,10 +87,10 @@ def _of_models(results: pd.DataFrame, task: str, radius: float) -> Iterator[Draw
             yield Drawing(f"posthoc_{task}_{name}_{column.removeprefix('p_')}", f"{title}.", figure)
 
 
-def _of_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[Drawing]:
+def _draw_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[Drawing]:
     metrics = {task: find_metric(preferred_metric(task, radius)) for task, radius in radii.items()}
-    done = set(results["model"])
-    models = [name for name, model in MODELS.items() if name in done and model.architecture != "unilateral"]
+    present = set(results["model"])
+    models = [name for name, model in MODELS.items() if name in present and model.architecture != "unilateral"]
     if not models:
         return
     for task, metric in metrics.items():
@@ -104,32 +104,32 @@ def _of_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[D
         yield Drawing(f"specialization_{'retrained' if retrained else 'untrained'}", caption, figure)
 
 
-def _of_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> Iterator[Drawing]:
+def _draw_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> Iterator[Drawing]:
     label = task_label(task)
     yield _curves(label, task, runs)
-    probes = read_probes(run for of_model in runs.values() for run in of_model)
+    probes = read_probes(run for folders in runs.values() for run in folders)
     if len(probes):
         caption = f"{label}: what each hemisphere does alone, as its network learns."
         yield Drawing(f"specialization_{task}_over_training", caption, specialization_over_training(probes, task))
-    shown = {model: _Shown(task, of_model[0]) for model, of_model in runs.items()}
-    records = {model: [one.record] for model, one in shown.items()}
+    first = {model: _FirstSeed(task, folders[0]) for model, folders in runs.items()}
+    records = {model: [seed.record] for model, seed in first.items()}
     title = f"{label}: {TRIALS} trials of the first seed"
     yield Drawing(f"speed_{task}", f"{label}: speed of the hand.", speed_profiles(records, title))
     few = {model: records[model] for model in _MUSCLES_OF if model in records}
     if few:
         yield Drawing(f"muscles_{task}", f"{label}: activation of the muscles.", muscle_activity(few, title))
-    sides = {model: one.contributions for model, one in shown.items() if one.contributions}
+    sides = {model: seed.contributions for model, seed in first.items() if seed.contributions}
     if sides:
-        step = next(iter(shown.values())).record.arm.timestep
+        step = next(iter(first.values())).record.arm.timestep
         caption = f"{label}: what each hemisphere contributes."
         yield Drawing(f"hemispheres_{task}", caption, hemisphere_activity(sides, step, title))
-    for model, one in shown.items():
+    for model, seed in first.items():
         caption = f"{label}: hand paths of {model_label(model)}, from the dot to the disc."
-        yield Drawing(f"paths_{task}_{model}", caption, _paths(one.record, radius, model))
+        yield Drawing(f"paths_{task}_{model}", caption, _paths(seed.record, radius, model))
 
 
 def _paths(record: TrialRecord, radius: float, model: str) -> Figure:
-    """Hand paths under the model's name."""
+    """Draw hand paths under the model's name."""
     figure = hand_paths(record, radius, sum(record.arm.link_length))
     (axes,) = figure.axes
     axes.set_title(f"{model_label(model)}: {axes.get_title()}", fontsize=10)
@@ -144,7 +144,7 @@ def _curves(label: str, task: str, runs: Mapping[str, list[RunFolder]]) -> Drawi
     return Drawing(f"learning_{task}", f"{label}: how the networks learned.", figure)
 
 
-class _Shown:
+class _FirstSeed:
     """The trials of the first seed of a run, and what its hemispheres contribute if it has any."""
 
     def __init__(self, task: str, run: RunFolder) -> None:

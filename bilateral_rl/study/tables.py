@@ -33,47 +33,47 @@ class ReportTable:
     """Text in rows and columns."""
 
     name: str
-    """Of its file."""
+    """Name of its file, without the suffix."""
     title: str
     columns: list[str]
     rows: list[list[str]]
     note: str = ""
 
     def frame(self) -> pd.DataFrame:
-        """As a table to write."""
+        """Return the same as a data frame."""
         return pd.DataFrame(self.rows, columns=self.columns)
 
 
 def study_tables(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator[ReportTable]:
-    """Every table of a report.
+    """Make every table of a report.
 
     Args:
         results: the long table (:mod:`bilateral_rl.analysis.results`).
-        radii: of each task's goal (m).
+        radii: radius of the goal by task (m).
     """
     for task, radius in radii.items():
         models = _models(results, task)
         if models:
-            yield _of_models(results, task, models)
+            yield _models_table(results, task, models)
         if len(models) > 1:
-            yield _of_tests(results, task, models)
-            yield _of_pairs(results, task, radius, models)
+            yield _tests_table(results, task, models)
+            yield _pairs_table(results, task, radius, models)
     for task, radius in radii.items():
         metric = find_metric(preferred_metric(task, radius))
         models = [model for model in _models(results, task) if MODELS[model].architecture != "unilateral"]
         if models:
-            yield _of_lesions(results, task, metric, models)
-            yield _of_specialization(results, task, metric, models)
+            yield _lesions_table(results, task, metric, models)
+            yield _specialization_table(results, task, metric, models)
 
 
 def _models(results: pd.DataFrame, task: str) -> list[str]:
-    there = set(results.loc[results["task"] == task, "model"])
-    return [model for model in MODELS if model in there]
+    present = set(results.loc[results["task"] == task, "model"])
+    return [model for model in MODELS if model in present]
 
 
-def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
-    there = set(results["metric"])
-    metrics = [metric for metric in metrics_of(task, STUDY_RADII) if metric.name in there]
+def _models_table(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
+    present = set(results["metric"])
+    metrics = [metric for metric in metrics_of(task, STUDY_RADII) if metric.name in present]
     rows = [
         [with_unit(metric), *(mean_sd(by_seed(results, metric.name, State(task, model))) for model in models)]
         for metric in metrics
@@ -82,11 +82,11 @@ def _of_models(results: pd.DataFrame, task: str, models: list[str]) -> ReportTab
     return ReportTable(f"models_{task}", f"{task_label(task)}: the intact models", columns, rows, _SPREAD_NOTE)
 
 
-def _of_tests(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
-    there = set(results["metric"])
+def _tests_table(results: pd.DataFrame, task: str, models: list[str]) -> ReportTable:
+    present = set(results["metric"])
     rows = []
     for metric in metrics_of(task, STUDY_RADII):
-        if metric.name in there:
+        if metric.name in present:
             groups = [by_seed(results, metric.name, State(task, model)) for model in models]
             rows.append([with_unit(metric), *_omnibus(anova(groups)), *_omnibus(welch_anova(groups))])
     columns = ["", "one-way ANOVA", "p", "Welch's ANOVA", "p"]
@@ -97,7 +97,7 @@ def _omnibus(test: OmnibusTest) -> list[str]:
     return [test.note or "–" if math.isnan(test.p) else f_statistic(test), p_value(test.p)]
 
 
-def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]) -> ReportTable:
+def _pairs_table(results: pd.DataFrame, task: str, radius: float, models: list[str]) -> ReportTable:
     metric = find_metric(preferred_metric(task, radius))
     pairs = compare(results, metric.name, task, models).pairs
     rows = [
@@ -116,7 +116,7 @@ def _of_pairs(results: pd.DataFrame, task: str, radius: float, models: list[str]
     return ReportTable(f"pairs_{task}", title, columns, rows, _PAIRS_NOTE)
 
 
-def _of_lesions(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
+def _lesions_table(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
     columns, rows = [""], []
     p_values = {}
     for model in models:
@@ -142,7 +142,7 @@ def _against_intact(results: pd.DataFrame, metric: Metric, task: str, model: str
     return dict(zip(pairs["second"], pairs["p_holm"], strict=True))
 
 
-def _of_specialization(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
+def _specialization_table(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
     rows = []
     for model in models:
         row = [model_label(model)]

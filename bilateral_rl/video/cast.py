@@ -1,4 +1,4 @@
-"""Who acts in a video, and in which trials."""
+"""The networks that act in a video, and their trials."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, lesion_words
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, parse_run
-from bilateral_rl.video.film import Take
+from bilateral_rl.video.film import Performance
 
 
 @dataclass(frozen=True)
 class Actor:
-    """One trained controller; :meth:`load` finds it."""
+    """One trained network; :meth:`load` finds it."""
 
     folder: RunFolder
     config: TrainConfig
     named_seed: int | None
     """The seed in RUN:SEED."""
     policy: MotorPolicy
-    """Its network, intact."""
+    """The policy with the network, intact."""
 
     @classmethod
     def load(cls, run: str, weights: str) -> Actor:
-        """The controller that RUN or RUN:SEED names: of several seeds the first if none is named.
+        """Return the network that RUN or RUN:SEED names: without a seed, the run's first.
 
         Raises:
-            UserError: what is no run, a seed that it has not, or weights that are missing or damaged.
+            UserError: there is no such run or seed, or its weights are missing or damaged.
         """
         folder, seed = parse_run(run)
         config = folder.config()
@@ -44,7 +44,7 @@ class Actor:
 
     @property
     def seed(self) -> int:
-        """Of its network."""
+        """Seed of the network."""
         return self.config.seed if self.named_seed is None else self.named_seed
 
     @property
@@ -54,13 +54,13 @@ class Actor:
 
     @property
     def path(self) -> Path:
-        """Of the run's folder, so that it ends in the folder's name."""
+        """Path of the run's folder that ends in the folder's name."""
         path = self.folder.path
         return path if path.name not in ("", "..") else path.resolve()
 
     @property
     def name(self) -> str:
-        """Of the run's folder, with the seed if one was named."""
+        """Name of the run's folder, with the seed if one was named."""
         return self.path.name if self.named_seed is None else f"{self.path.name}-seed{self.named_seed}"
 
     def check_lesion(self, lesion: str) -> None:
@@ -73,17 +73,17 @@ class Actor:
                 f"{', '.join(have)}: choose another --lesion or leave the run out."
             )
 
-    def perform(self, evaluator: Evaluator, lesion: str, threshold: float, label: str) -> Take:
-        """The trials under a lesion, of the run's profile as in ``bilateral-rl lesion``, acting by the mean."""
+    def perform(self, evaluator: Evaluator, lesion: str, threshold: float, label: str) -> Performance:
+        """Do the trials with a lesion, that of the run's profile as in ``bilateral-rl lesion``, without exploration."""
         released = isinstance(self.config, BPTTConfig) and self.config.profile == "released"
         lesions = RELEASED_LESIONS if released else LESIONS
         with self.policy.motor_network.lesioned(lesions.get(lesion, lesion)):
             record = evaluator.run(self.policy)
-        return Take(label, record, threshold)
+        return Performance(label, record, threshold)
 
 
 def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
-    """What each is called: model, algorithm, seed and lesion, and the folder where that is not enough."""
+    """Name each actor by model, algorithm, seed and lesion, and by its folder where that is not enough."""
     plain = [f"{actor.config.model} · {actor.config.algo} · seed {actor.seed}" for actor in actors]
     if len(set(plain)) < len(plain):
         plain = [f"{label} ({printable(actor.path.name)})" for label, actor in zip(plain, actors, strict=True)]
@@ -93,10 +93,10 @@ def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
 
 
 def common_trials(actors: Sequence[Actor]) -> tuple[TrialSettings, list[str]]:
-    """How the trials run for all, namely as in the first run; and notes on runs that learned under other settings.
+    """Return the first run's trial settings, which all follow, and notes on runs that learned with others.
 
     Raises:
-        UserError: runs of different tasks.
+        UserError: the runs learned different tasks.
     """
     first, notes = actors[0], []
     for actor in actors[1:]:

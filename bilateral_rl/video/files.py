@@ -15,10 +15,10 @@ from bilateral_rl.video.film import Film, Picture
 
 SUFFIXES = (".mp4", ".gif")
 MARK = "bilateral-rl render"
-"""With which the comment in a video's metadata begins: by it a video is known as one that may be replaced."""
+"""Beginning of the comment in a video's metadata, by which a video is known as one that may be replaced."""
 
 _MARK_WITHIN = 2**20
-"""Bytes from a file's start: where both formats, as written here, keep their metadata."""
+"""Bytes from a file's start within which both formats, as written here, keep their metadata."""
 _MP4 = (
     *("-f", "mp4"),  # the temporary file's name does not say so
     *("-threads", "1"),
@@ -34,7 +34,7 @@ def check_path(path: Path) -> None:
     if path.suffix.lower() not in SUFFIXES:
         raise UserError(f"A video's name ends in {' or '.join(SUFFIXES)}, got {path}: choose another --out.")
     try:
-        is_there = path.exists() or path.is_symlink()  # one that leads nowhere would be written through
+        is_there = path.exists() or path.is_symlink()  # a broken link would be written through
         if is_there and not (path.is_file() and _is_ours(path)):
             raise UserError(f"{path} exists and was not written by `{MARK}`: choose another --out, or remove it.")
     except OSError as error:
@@ -45,13 +45,13 @@ def write(path: Path, film: Film, pictures: Iterable[Picture], note: str) -> Non
     """Write a film.
 
     Args:
-        path: as :func:`check_path` allows it.
-        film: what is shown.
-        pictures: its pictures in order: the film itself, or something that counts them as they pass.
-        note: for the metadata, after :data:`MARK`.
+        path: a path that :func:`check_path` allows.
+        film: the film.
+        pictures: its pictures in order: the film itself, or an iterator that counts them as they pass.
+        note: comment for the metadata, after :data:`MARK`.
 
     Raises:
-        UserError: a file that cannot be written.
+        UserError: the file cannot be written.
     """
     make = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     try:
@@ -90,7 +90,7 @@ def _require_ffmpeg() -> None:
 
 
 def _check_complete(path: Path, n_pictures: int) -> None:
-    """Raise OSError unless all pictures are in the file; how ffmpeg itself ended, on a full disk say, is not told."""
+    """Raise OSError unless all pictures are in the file: ffmpeg does not tell how it ended, on a full disk say."""
     try:
         written, _ = imageio_ffmpeg.count_frames_and_secs(str(path))
     except RuntimeError:
@@ -100,7 +100,7 @@ def _check_complete(path: Path, n_pictures: int) -> None:
 
 
 def _write_gif(path: Path, film: Film, pictures: Iterable[Picture], comment: str) -> None:
-    paletted = _palette_of(film.picture(0, film.steps))  # where everything is to be seen
+    paletted = _palette_of(film.picture(0, film.steps))  # in the last picture everything can be seen
     images = (paletted(picture) for picture in pictures)
     next(images).save(
         path,
@@ -114,7 +114,7 @@ def _write_gif(path: Path, film: Film, pictures: Iterable[Picture], comment: str
 
 
 def _palette_of(picture: Picture) -> Callable[[Picture], Image.Image]:
-    """What reduces any picture to the 256 colors of one; with a palette each, colors would flicker."""
+    """Return what reduces pictures to the 256 colors of this one: with a palette each, they would flicker."""
     palette = Image.fromarray(picture).quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=1)
 
     def reduced(image: Picture) -> Image.Image:

@@ -1,4 +1,4 @@
-"""What a video shows: the same trials by one or several controllers, picture by picture."""
+"""What a video shows: the same trials by one or several networks, picture by picture."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.rendering import Scene, draw
 
 PAUSE = 0.6
-"""How long the end of a trial stands still (s of video)."""
+"""Seconds of video for which the end of a trial stands still."""
 
 Picture = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class Take:
-    """The trials of one controller."""
+class Performance:
+    """The trials of one network, for a film."""
 
     label: str
-    """Who is acting."""
+    """The network in words."""
     record: TrialRecord
+    """Its trials."""
     threshold: float
     """Radius of the goal (m)."""
 
     def scene(self, trial: int, step: int, caption: str) -> Scene:
-        """What there is to see after ``step`` steps of a trial; before the first, muscles are at rest."""
+        """Return what there is to see after ``step`` steps of a trial; before the first, muscles are at rest."""
         record = self.record
         rest = np.full(record.activation.shape[-1], record.arm.min_activation)
         return Scene(
@@ -45,7 +46,7 @@ class Take:
         )
 
     def goal(self, trial: int, step: int) -> str:
-        """How the trial stands after ``step`` steps, by the measures of ``evaluate`` (paper section 3)."""
+        """Say how the trial stands after ``step`` steps, by the measures of ``evaluate`` (paper section 3)."""
         distance, start = self.record.distance[trial], self.record.start_distance[trial]
         so_far = trial_measures(distance[None, : max(step, 1)], start[None], self.threshold)
         if start <= self.threshold:
@@ -57,37 +58,37 @@ class Take:
 
 @dataclass(frozen=True)
 class Film:
-    """Trials one after another, with a pause after each; the controllers side by side.
+    """Trials one after another, with a pause after each, and the networks side by side.
 
     Args:
-        takes: the same trials by each controller.
+        performances: the same trials by each network.
         slow_down: seconds of video for a second of the arm's time.
-        size: side of a controller's picture (pixels).
+        size: width and height of a network's picture (pixels).
     """
 
-    takes: Sequence[Take]
+    performances: Sequence[Performance]
     slow_down: int
     size: int
 
     @property
     def fps(self) -> float:
-        """Pictures a second: one for every step."""
+        """Pictures a second; there is one for every step."""
         return 1 / (self.slow_down * self._first.arm.timestep)
 
     @property
     def steps(self) -> int:
-        """Of a trial."""
+        """Steps of a trial."""
         return len(self._first.distance[0])
 
     @property
     def trials(self) -> int:
-        """How many trials each controller does."""
+        """Number of trials."""
         return len(self._first.target)
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Height and width of a picture: rows of controllers, never more rows than columns."""
-        return self.size * math.ceil(len(self.takes) / self._columns), self.size * self._columns
+        """Height and width of a picture (pixels): rows of networks, never more rows than columns."""
+        return self.size * math.ceil(len(self.performances) / self._columns), self.size * self._columns
 
     def __len__(self) -> int:
         """Number of pictures."""
@@ -102,15 +103,15 @@ class Film:
                 yield picture
 
     def picture(self, trial: int, step: int) -> Picture:
-        """All controllers after ``step`` steps of a trial, (h, w, 3) RGB."""
+        """Draw all networks after ``step`` steps of a trial, (h, w, 3) RGB."""
         seconds = step * self._first.arm.timestep
         caption = f"trial {trial + 1} of {self.trials}, {seconds:.2f} s, {self.slow_down}× slower"
-        scenes = [take.scene(trial, step, caption) for take in self.takes]
+        scenes = [performance.scene(trial, step, caption) for performance in self.performances]
         return tile([draw(self._first.arm, scene, self.size) for scene in scenes], self._columns)
 
     @property
     def _columns(self) -> int:
-        return math.ceil(len(self.takes) / math.isqrt(len(self.takes)))
+        return math.ceil(len(self.performances) / math.isqrt(len(self.performances)))
 
     @property
     def _still(self) -> int:
@@ -118,4 +119,4 @@ class Film:
 
     @property
     def _first(self) -> TrialRecord:
-        return self.takes[0].record
+        return self.performances[0].record

@@ -13,7 +13,7 @@ from bilateral_rl.commands.render import render
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.training.run import train
 from bilateral_rl.video import files
-from bilateral_rl.video.film import Film, Take
+from bilateral_rl.video.film import Film, Performance
 
 pytest.importorskip("pygame")
 
@@ -47,7 +47,7 @@ def make_record():
 
 
 def _make_film(*records) -> Film:
-    return Film([Take(f"network {i}", record, 0.05) for i, record in enumerate(records)], 4, SIZE)
+    return Film([Performance(f"network {i}", record, 0.05) for i, record in enumerate(records)], 4, SIZE)
 
 
 @pytest.fixture(scope="session")

@@ -88,7 +88,7 @@ def test_several_seeds_and_none_named_is_said(show, filmed, bptt_run):
 def test_other_settings_are_said_and_the_first_runs_count(show, filmed, bptt_run, run):
     said = show(bptt_run.path, run.path).said
     assert f"{run.path} learned with another trial_length; all do the first run's trials." in said
-    assert [take.record.distance.shape for take in filmed[0].takes] == [(1, STEPS)] * 2
+    assert [take.record.distance.shape for take in filmed[0].performances] == [(1, STEPS)] * 2
 
 
 REFUSED = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.video.film import Take
+from bilateral_rl.video.film import Performance
 
 SIZE = 320
 CAPTION = SIZE // 8
@@ -19,7 +19,7 @@ def test_a_scene_shows_the_arm_after_so_many_steps(make_record):
     hand = np.float32([0.1, 0.3]) + 0.1 * rng.random((2, 9, 2), dtype=np.float32)
     joint = rng.random((2, 9, 2), dtype=np.float32)
     load = np.float32([[1, 2], [3, -4]])
-    take = Take("cc_s", make_record(2, activation=activation, joint=joint, hand=hand, load=load), 0.03)
+    take = Performance("cc_s", make_record(2, activation=activation, joint=joint, hand=hand, load=load), 0.03)
     start, later = take.scene(1, 0, "t"), take.scene(1, 5, "t")
     np.testing.assert_array_equal(start.activation, np.full(6, ArmParameters().min_activation))
     np.testing.assert_array_equal(start.path, hand[1, :1])
@@ -33,18 +33,18 @@ def test_a_scene_shows_the_arm_after_so_many_steps(make_record):
 
 def test_a_reach_is_reached_after_three_steps_in_the_goal_and_stays_so(make_record):
     distance = np.float32([[0.2, 0.04, 0.04, 0.06, 0.03, 0.02, 0.01, 0.3]])
-    take = Take("", make_record(distance=distance), 0.05)
+    take = Performance("", make_record(distance=distance), 0.05)
     assert [take.goal(0, step) for step in range(9)] == ["goal not reached yet"] * 7 + ["goal reached"] * 2
 
 
 def test_a_reach_that_ends_elsewhere_is_not_reached(make_record):
-    take = Take("", make_record(), 0.05)
+    take = Performance("", make_record(), 0.05)
     assert [take.goal(0, step) for step in (0, 7, 8)] == ["goal not reached yet"] * 2 + ["goal not reached"]
 
 
 def test_a_hold_counts_its_steps_in_the_goal(make_record):
     distance = np.float32([[0.01, 0.02, 0.06, 0.04, 0.2, 0.2, 0.2, 0.04]])
-    take = Take("", make_record(distance=distance, start_distance=np.zeros(1, np.float32)), 0.05)
+    take = Performance("", make_record(distance=distance, start_distance=np.zeros(1, np.float32)), 0.05)
     inside = [0, 1, 2, 2, 3, 3, 3, 3, 4]
     assert [take.goal(0, k) for k in range(9)] == [f"in the goal {n} of {k} steps" for k, n in enumerate(inside)]
 
