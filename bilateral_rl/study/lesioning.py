@@ -1,9 +1,10 @@
-"""Lesion studies of a run: every state of its networks, without and with an epoch of retraining (paper section 6)."""
+"""Lesion studies: a run's networks intact and after each lesion, without and with retraining (paper section 6)."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -24,43 +25,49 @@ from bilateral_rl.study.retraining import Retraining
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, TEST_SEED, TEST_TRIALS
 
 OnState = Callable[[int, int, str], None]
-"""Told how many states of how many are done, and which one comes next."""
+"""Called with how many states of how many are done, and the name of the next one."""
+
+_LESIONS_OF_PROFILE: dict[str, dict[str, Lesion]] = {"paper": LESIONS, "released": RELEASED_LESIONS}
 
 
 @dataclass(frozen=True)
 class LesionSettings:
-    """How a lesion study is made."""
+    """How the networks of a run are lesioned, retrained and tested."""
 
     lesions: tuple[str, ...] | None = None
-    """Names; None for all that the architecture has. The intact network always comes first."""
+    """Names of the lesions; None for all that the architecture can have. The intact network always comes first."""
     retrain: bool = True
-    """Whether the output layer also adapts for one epoch in each state."""
+    """Whether each state is also tested after an epoch in which the output layer adapts to it."""
     profile: str | None = None
     """Whose combined lesions: "paper" or "released"; None for the run's profile."""
     trials: int = TEST_TRIALS
-    """Of each test."""
+    """Number of trials of each test."""
     seed: int = TEST_SEED
-    """Of the test trials; trial i is the first one of seed + i."""
+    """Seed of the test trials; trial i is the first one of seed + i."""
     threads: int = 0
     """CPU threads of the retraining; 0 for as many as there are."""
     retraining_trials: int | None = None
-    """Of the epoch; None for the run's own number, or the paper's."""
+    """Number of trials of the epoch; None for the run's own number, or the paper's."""
 
 
 class LesionStudy:
-    """The states of a run's networks, and what each does in the same trials. The run is only read.
+    """A run's networks in every state: intact and after each lesion, all tested in the same trials.
+
+    The run is only read.
 
     Args:
         folder: the run.
-        settings: how.
-        only: the one seed wanted; None for all.
+        settings: how its networks are lesioned, retrained and tested.
+        only: seed of the one network to study; None for all.
         weights: which of the run's weights.
 
     Attributes:
-        names: of the states, "intact" first.
+        settings: as given.
+        config: configuration of the run.
+        names: names of the states, "intact" first.
 
     Raises:
-        UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run has not, or
+        UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run does not have, or
             trials by which nothing can be retrained.
     """
 
@@ -73,78 +80,71 @@ class LesionStudy:
     ) -> None:
         self.settings, self.config = settings, folder.config()
         self.names = state_names(self.config, settings.lesions)
-        self._lesions = _lesions_of(_profile(self.config, settings.profile))
+        self._lesions = _lesions_of(self.config, settings.profile)
         self._policies = load_policies(folder, weights, only)
         self._layout = Layout(build_network(self.config))
-        self._retraining = self._make_retraining() if settings.retrain else None
+        self._retraining = _make_retraining(self.config, self._layout, settings) if settings.retrain else None
         self._evaluator = Evaluator(self.config.task, self.config.trial, settings.trials, settings.seed)
         self._metrics = measured_metrics(self.config)
 
     def run(self, on_state: OnState = lambda done, total, name: None) -> pd.DataFrame:
-        """The long table of results (:mod:`bilateral_rl.analysis.results`)."""
+        """Test every state, and return the long table of results (:mod:`bilateral_rl.analysis.results`).
+
+        A network that retraining breaks has NaN for every metric.
+        """
         rows: list[tuple[object, ...]] = []
         for done, name in enumerate(self.names):
             on_state(done, len(self.names), name)
-            for retrained, policies in self._states(name):
-                rows += self._test(policies, name, retrained)
+            lesion = find_lesion(name, self._lesions)
+            for policy in self._policies.values():
+                policy.motor_network.set_lesion(lesion)
+            rows += self._test(self._policies, name, retrained=False)
+            if self._retraining is not None:
+                with self._retrained(self._retraining, lesion) as policies:
+                    rows += self._test(policies, name, retrained=True)
         on_state(len(self.names), len(self.names), "")
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    def _states(self, name: str) -> Iterator[tuple[bool, dict[int, MotorPolicy | None]]]:
-        """The policies, lesioned, without and then with retraining; None where it went wrong."""
-        lesion = find_lesion(name, self._lesions)
-        for policy in self._policies.values():
-            policy.motor_network.set_lesion(lesion)
-        yield False, dict(self._policies)
-        if self._retraining is None:
-            return
-        kept = {seed: _copy(policy) for seed, policy in self._policies.items()}
-        rows = self._retraining.run(self._layout.pack(list(kept.values())), list(kept), lesion)
+    @contextlib.contextmanager
+    def _retrained(self, retraining: Retraining, lesion: Lesion) -> Iterator[dict[int, MotorPolicy | None]]:
+        """A context in which the lesioned policies have adapted; None in place of one that went wrong."""
+        stored = {seed: _copy(policy) for seed, policy in self._policies.items()}
+        rows = retraining.run(self._layout.pack(list(stored.values())), list(stored), lesion)  # (networks, parameters)
         adapted: dict[int, MotorPolicy | None] = {}
         for (seed, policy), row in zip(self._policies.items(), rows, strict=True):
-            policy.motor_network.load_state_dict({k: t[0] for k, t in self._layout.unpack(row[None]).items()})
+            state = {name: tensor[0] for name, tensor in self._layout.unpack(row[None]).items()}
+            policy.motor_network.load_state_dict(state)
             adapted[seed] = policy if row.isfinite().all() else None
-        yield True, adapted
-        for seed, policy in self._policies.items():
-            policy.motor_network.load_state_dict(kept[seed])
+        try:
+            yield adapted
+        finally:
+            for seed, policy in self._policies.items():
+                policy.motor_network.load_state_dict(stored[seed])
 
-    def _test(self, policies: dict[int, MotorPolicy | None], lesion: str, retrained: bool) -> list[tuple[object, ...]]:
+    def _test(
+        self, policies: Mapping[int, MotorPolicy | None], lesion: str, retrained: bool
+    ) -> list[tuple[object, ...]]:
+        """Rows of the table, one a network and metric."""
         config = self.config
-        head = (config.model, config.task, config.algo)
         return [
-            (*head, seed, lesion, retrained, name, value)
+            (config.model, config.task, config.algo, seed, lesion, retrained, metric, value)
             for seed, policy in policies.items()
-            for name, value in self._measure(policy, self._metrics).items()
+            for metric, value in self._measure(policy).items()
         ]
 
-    def _measure(self, policy: MotorPolicy | None, metrics: Sequence[Metric]) -> dict[str, float]:
+    def _measure(self, policy: MotorPolicy | None) -> dict[str, float]:
         if policy is None:
-            return {metric.name: float("nan") for metric in metrics}
-        return measure(self._evaluator.run(policy), metrics)
-
-    def _make_retraining(self) -> Retraining:
-        config = self.config
-        if config.trial.noisy or config.trial.feedback_delay:
-            raise UserError("Retraining knows neither noise nor feedback delay, which this run has; use --no-retrain.")
-        if isinstance(config, BPTTConfig):
-            own, penalty, coefficient = config.bptt, config.penalty, config.penalty_coefficient
-        else:
-            penalty = PROFILES["paper"]
-            own, coefficient = SupervisedConfig(), PENALTIES[penalty]
-        if self.settings.retraining_trials is not None:
-            own = dataclasses.replace(own, trials=self.settings.retraining_trials)
-        if own.trials < own.batch_size:
-            raise UserError(f"An epoch of {own.trials} trials is less than one batch of {own.batch_size}.")
-        return Retraining(self._layout, config.task, config.trial, own, penalty, coefficient, self.settings.threads)
+            return {metric.name: float("nan") for metric in self._metrics}
+        return measure(self._evaluator.run(policy), self._metrics)
 
 
 def measured_metrics(config: TrainConfig) -> list[Metric]:
-    """What the results of a run hold: at the radii of every study and at the run's own."""
+    """The metrics in the results of a run: at the goal radii of every study and at the run's own."""
     return metrics_of(config.task, distinct_radii([*STUDY_RADII, config.trial.threshold]))
 
 
 def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]:
-    """The states of a study: "intact", then the lesions wanted, or all of the architecture.
+    """The names of a study's states: "intact", then ``lesions``, each once, or all that the architecture can have.
 
     Raises:
         UserError: a lesion that is unknown, or that the architecture cannot have.
@@ -164,16 +164,32 @@ def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]
     return [INTACT, *(name for name in dict.fromkeys(lesions) if name != INTACT)]
 
 
-def _profile(config: TrainConfig, wanted: str | None) -> str:
-    own = config.profile if isinstance(config, BPTTConfig) else "paper"
-    profile = wanted or own
-    if profile not in PROFILES:
-        raise UserError(f"Unknown profile {profile!r}; choose from {', '.join(PROFILES)}.")
-    return profile
+def _lesions_of(config: TrainConfig, profile: str | None) -> dict[str, Lesion]:
+    """The lesions of ``profile``, or of the run's. Raises UserError for an unknown one."""
+    profile = profile or (config.profile if isinstance(config, BPTTConfig) else "paper")
+    if profile not in _LESIONS_OF_PROFILE:
+        raise UserError(f"Unknown profile {profile!r}; choose from {', '.join(_LESIONS_OF_PROFILE)}.")
+    return _LESIONS_OF_PROFILE[profile]
 
 
-def _lesions_of(profile: str) -> dict[str, Lesion]:
-    return RELEASED_LESIONS if profile == "released" else LESIONS
+def _make_retraining(config: TrainConfig, layout: Layout, settings: LesionSettings) -> Retraining:
+    """The epoch after a lesion, by the loss and settings of the run, or by the paper's where it learned by rewards.
+
+    Raises:
+        UserError: trials by which nothing can be retrained.
+    """
+    if config.trial.noisy or config.trial.feedback_delay:
+        raise UserError("Retraining knows neither noise nor feedback delay, which this run has; use --no-retrain.")
+    if isinstance(config, BPTTConfig):
+        supervised, penalty, coefficient = config.bptt, config.penalty, config.penalty_coefficient
+    else:
+        penalty = PROFILES["paper"]
+        supervised, coefficient = SupervisedConfig(), PENALTIES[penalty]
+    if settings.retraining_trials is not None:
+        supervised = dataclasses.replace(supervised, trials=settings.retraining_trials)
+    if supervised.trials < supervised.batch_size:
+        raise UserError(f"An epoch of {supervised.trials} trials is less than one batch of {supervised.batch_size}.")
+    return Retraining(layout, config.task, config.trial, supervised, penalty, coefficient, settings.threads)
 
 
 def _copy(policy: MotorPolicy) -> Tensors:

@@ -1,4 +1,4 @@
-"""A study's job of one training: train, then measure, lesions included; called again, it goes on where it was."""
+"""The job of one training of a study: train, then measure, lesions included; called again, it goes on."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.runs.folder import FAILED, FINAL, FINISHED, RunFolder, find_runs
+from bilateral_rl.runs.folder import FAILED, FINAL, FINISHED, RunFolder
 from bilateral_rl.study.jobs import JobProgress
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.study.provenance import describe_source, source_file
 from bilateral_rl.training import run as training
 from bilateral_rl.training.session import Outcome, Progress
 
-_OF_THE_MACHINE = ("threads", "device", "track")
+_MACHINE_SETTINGS = ("threads", "device", "track")
 """Settings that change how a run is made, not what comes out."""
 _TRAINING_SHARE = 0.85
-"""Of a job's time, roughly: for its progress bar."""
+"""Share of the training in a job's time, roughly, for the progress bar."""
 
 
 def train_and_measure(
@@ -34,11 +34,11 @@ def train_and_measure(
 
     Args:
         folder: of the study.
-        progress: told how far the job is.
-        config: of the training.
+        progress: called with how far the job is.
+        config: settings of the training.
         lesions: fields of :class:`~bilateral_rl.study.lesioning.LesionSettings`.
-        runs: where in ``folder`` the run lies or comes to lie.
-        result: the file in ``folder`` that takes the results.
+        runs: the folder in ``folder`` that holds the run, or is to hold it.
+        result: the file in ``folder`` that takes the results; what they are of is written beside it.
 
     Raises:
         UserError: a training that failed.
@@ -63,16 +63,17 @@ def train_and_measure(
 
 
 def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
-    """The run of ``config`` below ``runs``, if there is one, whatever machine it was made for."""
-    for run in find_runs(runs):
-        of_kind = run.path.parent.name == config.task and run.path.name.startswith(f"{config.model}-{config.algo}-")
-        if of_kind and _same(run, config):
-            return run
-    return None
+    """Find the run of ``config`` below ``runs``, if there is one, whatever machine it was made for.
+
+    It is told by its settings: another run of the same model, which somebody trained on, may lie beside it.
+    """
+    folders = runs.glob(f"{config.task}/{config.model}-{config.algo}-*/config.yaml")
+    matching = (run for path in sorted(folders) if _same(run := RunFolder(path.parent), config))
+    return next(matching, None)
 
 
 def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
-    """The finished run: as it lies there, resumed or made now."""
+    """The finished run: as it is, resumed, or made now. Raises UserError if it failed."""
     run = find_run(runs, config)
     state = run.status().get("state") if run else None
     if run and state == FINISHED:
@@ -101,11 +102,11 @@ def _finished(outcome: Outcome) -> RunFolder:
 
 def _same(run: RunFolder, config: TrainConfig) -> bool:
     try:
-        own = run.config().to_values()
+        stored = run.config().to_values()
     except UserError:  # damaged: not the one
         return False
-    other = config.to_values()
-    return all(own.get(name) == other[name] for name in other if name not in _OF_THE_MACHINE)
+    requested = config.to_values()
+    return all(stored.get(name) == requested[name] for name in requested if name not in _MACHINE_SETTINGS)
 
 
 class _Watch(Progress):

@@ -19,7 +19,7 @@ from bilateral_rl.study.plan import results_file, runs_folder
 from bilateral_rl.study.provenance import is_stale, read_source, source_path
 
 _MOST_POINTS, _MOST_VALUES = 10**5, 10**7
-"""Of a learning curve, in time and over all seeds: far more than can be seen."""
+"""Largest number of points of a learning curve, in time and over all seeds: far more than can be seen."""
 
 
 def read_result(path: Path) -> pd.DataFrame:
@@ -44,14 +44,14 @@ def unsourced(results_paths: Iterable[Path]) -> list[Path]:
 
 
 def results_of(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:
-    """The long table of the trainings that are done. Raises UserError for a damaged one."""
+    """Read the long table of the trainings that are done. Raises UserError as :func:`read_result`."""
     paths = [folder / results_file(config) for config in configs]
     tables = [read_result(path) for path in paths if path.is_file()]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(COLUMNS))
 
 
 def runs_of(folder: Path, configs: Sequence[TrainConfig]) -> dict[str, list[RunFolder]]:
-    """The runs of the trainings that are done, by model."""
+    """Find the runs of the trainings that are done, by model."""
     runs: dict[str, list[RunFolder]] = {}
     for config in configs:
         run = find_run(folder / runs_folder(config), config) if (folder / results_file(config)).is_file() else None
@@ -61,7 +61,7 @@ def runs_of(folder: Path, configs: Sequence[TrainConfig]) -> dict[str, list[RunF
 
 
 def learning_history(runs: Mapping[str, list[RunFolder]]) -> pd.DataFrame:
-    """How the networks learned: a row a model, seed and epoch, or evaluation. Raises UserError if it is damaged."""
+    """Read how the networks learned: a row a model, seed and epoch, or evaluation. Raises UserError if damaged."""
     tables = [_history(run).assign(model=model) for model, of_model in runs.items() for run in of_model]
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
 

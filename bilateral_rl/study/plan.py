@@ -10,7 +10,7 @@ from typing import Any
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import BPTTConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
@@ -27,7 +27,7 @@ _QUICK: dict[str, Values] = {
     "td3": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
 }
 RADII = {"random_reach": 0.05, "hold_position": 0.01}
-"""Of each task's goal, by which claims are judged (m)."""
+"""Radius of each task's goal, by which claims are judged (m)."""
 CALIBRATED: dict[str, Values] = {
     "random_reach": {"bptt": {"penalty": "weights", "penalty_coefficient": 1e-3}},
     "hold_position": {"bptt": {"penalty": "weights", "penalty_coefficient": 3e-5}},
@@ -35,10 +35,10 @@ CALIBRATED: dict[str, Values] = {
 """What the paper leaves open, in profile ``paper``. Radii and penalty were chosen for claims C1 to C3, on unilateral
 models only, from the grid in ``docs/paper.md``; C4 to C14 are tests of what was chosen."""
 _QUICK_TESTS = {"trials": 256, "retraining_trials": 640}
-_OWN = ("algo", "model", "task", "seeds", "profile")
+_SET_BY_STUDY = ("algo", "model", "task", "seeds", "profile")
 """Settings that tell a study's trainings apart, or that it has options for."""
 _SPECIALIZED_COST = 1.25
-"""Of a training with two losses, against one."""
+"""Cost of a training with two losses, against that of one."""
 
 
 @dataclass(frozen=True)
@@ -62,27 +62,28 @@ class Study:
         check_choice("profile", self.profile, PROFILES)
         if self.seeds < 1:
             raise UserError(f"--seeds must be at least 1, got {self.seeds}.")
-        own = [name for name in _OWN if name in self.overrides]
-        if own:
-            raise UserError(f"--set cannot change {own[0]}, which the study itself sets; leave it out.")
+        fixed = [name for name in _SET_BY_STUDY if name in self.overrides]
+        if fixed:
+            raise UserError(f"--set cannot change {fixed[0]}, which the study itself sets; leave it out.")
 
     @property
     def name(self) -> str:
-        """Of its folder."""
+        """Name of its folder."""
         return "-".join(["reproduce", self.algo, self.profile, *(["quick"] if self.quick else [])])
 
     @property
     def n_jobs(self) -> int:
         """Number of jobs that the study comes to."""
-        return len(TASKS) * len(MODELS) * (1 if self.algo == "bptt" else self.seeds)
+        return len(TASKS) * len(MODELS) * (1 if _is_supervised(self.algo) else self.seeds)
 
     def configs(self, threads: int = 1) -> list[TrainConfig]:
-        """Every training: of all seeds at once where the algorithm can, else one a seed.
+        """The configuration of every training: of all seeds at once if supervised, else one a seed.
 
-        Raises UserError for settings that cannot be.
+        Raises:
+            UserError: settings that cannot be.
         """
-        own: Values = {"seeds": self.seeds, "profile": self.profile} if self.algo == "bptt" else {}
-        layers = [_QUICK[self.algo] if self.quick else {}, own, {"threads": threads}]
+        together: Values = {"seeds": self.seeds, "profile": self.profile} if _is_supervised(self.algo) else {}
+        layers = [_QUICK[self.algo] if self.quick else {}, together, {"threads": threads}]
         configs = [
             resolve(self.algo, task, [*layers, self._calibrated(task), self.overrides], model=model)
             for task in TASKS
@@ -90,12 +91,12 @@ class Study:
         ]
         if any(config.trial.noisy or config.trial.feedback_delay for config in configs):
             raise UserError("After a lesion networks are retrained without noise or delay; leave both out of --set.")
-        if self.algo == "bptt":
+        if _is_supervised(self.algo):
             return configs
         return [dataclasses.replace(config, seed=config.seed + i) for config in configs for i in range(self.seeds)]
 
     def jobs(self, threads: int = 1) -> list[Job]:
-        """One for each training."""
+        """One job for each training. Raises UserError for settings that cannot be."""
         tests: dict[str, Any] = {"profile": self.profile} | (_QUICK_TESTS if self.quick else {})
         return [_job(config, tests, threads) for config in self.configs(threads)]
 
@@ -103,32 +104,37 @@ class Study:
         return CALIBRATED[task] if (self.algo, self.profile) == ("bptt", "paper") else {}
 
     def to_values(self) -> Values:
-        """What ``study.yaml`` holds."""
+        """The contents of ``study.yaml``."""
         return dataclasses.asdict(self)
 
 
 def job_name(config: TrainConfig) -> str:
-    """Of the job that trains ``config``."""
-    seed = "" if isinstance(config, BPTTConfig) else f"-seed-{config.seed}"
+    """The name of the job that trains ``config``."""
+    seed = "" if _is_supervised(config.algo) else f"-seed-{config.seed}"
     return f"{config.task}/{config.model}{seed}"
 
 
 def results_file(config: TrainConfig) -> str:
-    """Where in the study's folder the results of ``config`` lie."""
+    """The file of the results of ``config``, relative to the study's folder."""
     return f"results/{job_name(config)}.csv"
 
 
 def runs_folder(config: TrainConfig) -> str:
-    """Where in the study's folder the run of ``config`` lies.
+    """The folder that holds the run of ``config``, relative to the study's folder.
 
     Seeds that are runs of their own lie in folders of their own: the jobs need not agree on who takes which number.
     """
-    return "runs" if isinstance(config, BPTTConfig) else f"runs/seed-{config.seed}"
+    return "runs" if _is_supervised(config.algo) else f"runs/seed-{config.seed}"
 
 
 def cost_of(config: TrainConfig) -> float:
-    """Of a training, against others of the same study."""
+    """The cost of a training, against others of the same study."""
     return _SPECIALIZED_COST if MODELS[config.model].loss == "specialized" else 1.0
+
+
+def _is_supervised(algo: str) -> bool:
+    """Whether all seeds of a model are one training, and so one job; otherwise each is a job, for more at a time."""
+    return algo == "bptt"
 
 
 def _job(config: TrainConfig, tests: Mapping[str, Any], threads: int) -> Job:
@@ -147,18 +153,21 @@ def _job(config: TrainConfig, tests: Mapping[str, Any], threads: int) -> Job:
     )
 
 
-def side_by_side(wanted: int | None, n_jobs: int) -> tuple[int, int]:
-    """How many of ``n_jobs`` jobs to run at a time on this machine, and with how many CPU threads each.
+def side_by_side(requested: int | None, n_jobs: int) -> tuple[int, int]:
+    """Share the CPUs of this machine among jobs.
 
     Args:
-        wanted: how many at a time; None for one a CPU.
-        n_jobs: how many there are.
+        requested: number of jobs at a time; None for one a CPU.
+        n_jobs: number of jobs.
+
+    Returns:
+        The number of jobs to run at a time, and the number of CPU threads of each.
 
     Raises:
         UserError: less than one at a time.
     """
-    if wanted is not None and wanted < 1:
-        raise UserError(f"--jobs must be at least 1, got {wanted}.")
+    if requested is not None and requested < 1:
+        raise UserError(f"--jobs must be at least 1, got {requested}.")
     n_cpus = usable_cpus()
-    at_once = min(wanted or n_cpus, n_jobs)
+    at_once = min(requested or n_cpus, n_jobs)
     return at_once, max(1, n_cpus // at_once)

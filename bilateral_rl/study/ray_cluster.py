@@ -21,7 +21,7 @@ from bilateral_rl.study.transfer import pack, unpack
 from bilateral_rl.training.session import StopRequest
 
 _RETRIES = 3
-"""Of a job whose node was lost."""
+"""Number of times that a job starts once more after its node was lost."""
 _INTERVAL = 0.2
 """Seconds between two looks."""
 _PATIENCE = 10
@@ -39,7 +39,7 @@ def run_on_ray(jobs: Sequence[Job], folder: Path, address: str, board: Board = S
         jobs: of the study. No two may write one file, those numbered by what else is in a folder included.
         folder: the study's, on this machine.
         address: of a cluster; "local" makes one of this machine for as long as the study takes.
-        board: who watches.
+        board: told how they come along.
 
     Returns:
         How each ended, in the order of ``jobs``.
@@ -60,7 +60,7 @@ def run_on_ray(jobs: Sequence[Job], folder: Path, address: str, board: Board = S
 
 @dataclass(frozen=True)
 class _Returned:
-    """What comes back from a node."""
+    """What comes back from a node: the outcome, the log, and the files of a job that is done, by relative name."""
 
     outcome: JobOutcome
     log: bytes
@@ -82,7 +82,7 @@ class _Mailbox:
 
 
 def _work(job: Job, mailbox: Any) -> _Returned:
-    """On a node: a process of its own as on one machine, so that its death is a failed job and not a lost node."""
+    """Do a job on a node, in a process of its own as on one machine: its death is a failed job and not a lost node."""
     mailbox.put.remote(job.name, None)
     with tempfile.TemporaryDirectory(prefix="bilateral-rl-") as temporary:
         folder, log = Path(temporary, "study"), Path(temporary, "log")
@@ -105,12 +105,12 @@ class _Tasks:
     folder: Path
     board: Board
     jobs: dict[Any, Job] = field(default_factory=dict)
-    """Those under way, by the reference to what they will return."""
+    """Jobs under way, by the reference to what they will return."""
     writers: dict[str, str] = field(default_factory=dict)
-    """Which job wrote a file."""
+    """Names of the jobs that wrote the files, by relative name."""
 
     def run(self, jobs: Sequence[Job]) -> dict[str, JobOutcome]:
-        """Outcomes by name."""
+        """Run every job, and return their outcomes by name."""
         mailbox = self._open_mailbox()
         self.jobs = {self._send(job, mailbox): job for job in jobs}
         outcomes = {}
@@ -129,7 +129,7 @@ class _Tasks:
         return outcomes | {outcome.job.name: outcome for outcome in self._cancel()}
 
     def _open_mailbox(self) -> Any:
-        """On the driver's node: with that one lost, all is lost anyway."""
+        """Start the mailbox on the driver's node: with that one lost, all is lost anyway."""
         strategy = importlib.import_module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy
         here = strategy(self.ray.get_runtime_context().get_node_id(), soft=False)
         return self.ray.remote(_Mailbox).options(num_cpus=0, scheduling_strategy=here).remote()
@@ -177,7 +177,7 @@ class _Tasks:
         self.writers |= dict.fromkeys(files, job.name)
 
     def _cancel(self) -> Iterator[JobOutcome]:
-        """Whatever is under way; without its end, processes on the nodes would go on."""
+        """Cancel whatever is under way, as processes on the nodes would go on."""
         for reference in self.jobs:
             self.ray.cancel(reference)
         if self.jobs:
@@ -198,10 +198,10 @@ def _import_ray() -> Any:
 @contextlib.contextmanager
 def _connected(ray: Any, address: str) -> Iterator[None]:
     _refuse_silent(address)
-    own = {"include_dashboard": False} if address == "local" else {}
+    options = {"include_dashboard": False} if address == "local" else {}
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # a cluster of ours tells nobody of it
     try:
-        ray.init(address=address, log_to_driver=False, logging_level="ERROR", **own)
+        ray.init(address=address, log_to_driver=False, logging_level="ERROR", **options)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _no_cluster(address, error) from None
     try:
@@ -211,7 +211,7 @@ def _connected(ray: Any, address: str) -> Iterator[None]:
 
 
 def _refuse_silent(address: str) -> None:
-    """Ray itself would try for minutes."""
+    """Refuse an address where nobody listens; Ray itself would try for minutes."""
     host, _, port = address.rpartition(":")
     if port.isdecimal() and "://" not in host:
         try:

@@ -24,7 +24,7 @@ from bilateral_rl.study.plan import RADII, Study
 from bilateral_rl.study.tables import ReportTable
 
 LOG_LINES, LOG_BYTES = 25, 2**16
-"""The end of a log that is shown, at most."""
+"""Largest part of a log that is shown, from its end."""
 _RULE = (
     "A claim is supported if all its parts are, not supported if any is not, otherwise undecided. A part with a "
     "direction is supported if the difference is significant (adjusted p < 0.05), and not supported if it is "
@@ -49,7 +49,7 @@ _CALIBRATED = ("C1", "C2", "C3")
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure that is drawn."""
+    """A figure in a file."""
 
     png: Path
     caption: str
@@ -57,7 +57,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a report tells."""
+    """Everything that a report tells."""
 
     study: Study
     configs: Sequence[TrainConfig]
@@ -68,7 +68,7 @@ class Findings:
 
 
 def write_report(findings: Findings, path: Path) -> None:
-    """Write the page, whole or not at all."""
+    """Write the page, whole or not at all. Raises OSError if it cannot be written."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("bilateral_rl.study", ""), autoescape=True, undefined=jinja2.StrictUndefined
     )
@@ -78,7 +78,7 @@ def write_report(findings: Findings, path: Path) -> None:
 
 
 def counts_of(claims: Sequence[Claim]) -> str:
-    """How many claims have which verdict."""
+    """Count the claims of each verdict, in a sentence."""
     counts: Counter[str] = Counter(claim.verdict for claim in claims)
     names = ("supported", "not supported", "undecided")
     return f"Of {len(claims)} claims: " + ", ".join(f"{counts[name]} {name}" for name in names) + "."
@@ -120,17 +120,17 @@ def _subtitle(study: Study) -> str:
 
 
 def _figures(pictures: Sequence[Picture]) -> dict[str, Any]:
-    """Large figures one below the other; hand paths, which are small and many, side by side."""
-    large = [_shown(picture) for picture in pictures if not picture.png.name.startswith("paths_")]
+    """Large figures, one below the other, and hand paths, which are small and many, side by side."""
+    large = [_embedded(picture) for picture in pictures if not picture.png.name.startswith("paths_")]
     groups: dict[str, list[dict[str, str]]] = {}
     for picture in pictures:
         if picture.png.name.startswith("paths_"):
-            groups.setdefault(picture.caption.partition(":")[0], []).append(_shown(picture))
+            groups.setdefault(picture.caption.partition(":")[0], []).append(_embedded(picture))
     small = [{"title": f"{task}: hand paths", "figures": group} for task, group in groups.items()]
     return {"figures": large, "small_figures": small}
 
 
-def _shown(picture: Picture) -> dict[str, str]:
+def _embedded(picture: Picture) -> dict[str, str]:
     data = base64.b64encode(picture.png.read_bytes()).decode("ascii")
     return {"uri": f"data:image/png;base64,{data}", "caption": picture.caption}
 
@@ -149,6 +149,7 @@ def _job(outcome: JobOutcome) -> dict[str, str]:
 
 
 def _end_of(log: Path) -> str:
+    """The last lines of a log."""
     with log.open("rb") as file:
         file.seek(max(log.stat().st_size - LOG_BYTES, 0))
         text = file.read(LOG_BYTES).decode("utf-8", errors="replace")

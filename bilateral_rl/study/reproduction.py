@@ -24,16 +24,19 @@ REPORT, RESULTS, CLAIMS = "report.html", "results.csv", "claims.csv"
 def conclude(
     study: Study, folder: Path, outcomes: Sequence[JobOutcome], say: Callable[[str], None] = lambda _: None
 ) -> list[Claim]:
-    """Compute, draw and write everything that follows from the trainings that are done; the claims with verdicts.
+    """Compute, draw and write everything that follows from the trainings that are done.
 
     Args:
-        study: whose trainings they are.
-        folder: of the study; results, claims, tables, figures and the report are written into it.
-        outcomes: of its jobs.
-        say: told what is being done.
+        study: the study whose trainings they are.
+        folder: folder of the study; results, claims, tables, figures and the report are written into it.
+        outcomes: how its jobs ended.
+        say: called with a few words on what is being done.
+
+    Returns:
+        The claims with their verdicts.
 
     Raises:
-        UserError: damaged results, or a folder that cannot be written.
+        UserError: damaged or stale results, or a figure that cannot be written.
     """
     configs = study.configs()
     results = results_of(folder, configs)
@@ -62,7 +65,7 @@ def _write(results: pd.DataFrame, claims: Sequence[Claim], tables: Sequence[Repo
 
 
 def _claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
-    """A row a component."""
+    """A table with a row for each component of a claim."""
     return pd.DataFrame(
         {
             "claim": claim.number,

@@ -22,7 +22,7 @@ from bilateral_rl.study.plan import TRAIN_AND_MEASURE, cost_of
 from bilateral_rl.vocabulary import TEST_TRIALS
 
 MAX_POINTS = 1_000
-"""Of a grid: more is a slip of the finger."""
+"""Largest number of points of a grid: more is a slip of the finger."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class Sweep:
 
     algo: str
     grid: Mapping[str, Sequence[str]]
-    """Values, as ``--set`` takes them, by setting; models and tasks are settings too."""
+    """Values, as ``--set`` takes them, by the name of the setting; models and tasks are settings too."""
     overrides: Values = field(default_factory=dict)
-    """Settings of every training."""
+    """Settings of every training, as ``--set`` gives them."""
     trials: int = TEST_TRIALS
     """Trials of each test."""
 
@@ -53,7 +53,7 @@ class Sweep:
         return [dict(zip(self.grid, values, strict=True)) for values in itertools.product(*self.grid.values())]
 
     def config(self, point: Mapping[str, str], threads: int = 1) -> TrainConfig:
-        """The training at a point. Raises UserError for settings that cannot be."""
+        """The configuration of the training at a point. Raises UserError for settings that cannot be."""
         layers = [{"threads": threads}, self.overrides, parse_overrides([f"{k}={v}" for k, v in point.items()])]
         values: Values = {}
         for layer in layers:
@@ -61,7 +61,7 @@ class Sweep:
         return resolve(self.algo, values.get("task"), [values])
 
     def jobs(self, threads: int = 1) -> list[Job]:
-        """One for each point. Raises UserError for settings that cannot be, and for two points that are one."""
+        """One job for each point. Raises UserError for settings that cannot be, and for two points that are one."""
         jobs: dict[str, Job] = {}
         trainings: dict[str, str] = {}
         for point in self.points():
@@ -73,7 +73,7 @@ class Sweep:
         return list(jobs.values())
 
     def to_values(self) -> Values:
-        """What ``study.yaml`` holds."""
+        """The contents of ``study.yaml``."""
         grid = {name: list(values) for name, values in self.grid.items()}
         return {"sweep": grid, "algo": self.algo, "overrides": self.overrides, "trials": self.trials}
 
@@ -81,12 +81,12 @@ class Sweep:
         name, result = point_name(point), result_file(point)
         lesions: dict[str, Any] = {"lesions": ["intact"], "retrain": False, "trials": self.trials}
         arguments = {"config": config.to_values(), "lesions": lesions, "runs": f"runs/{name}", "result": result}
-        seeds = getattr(config, "seeds", 1)
-        return Job(name, TRAIN_AND_MEASURE, result, arguments, cost=cost_of(config) * seeds, threads=threads)
+        cost = cost_of(config) * len(config.all_seeds)
+        return Job(name, TRAIN_AND_MEASURE, result, arguments, cost, threads)
 
 
 def parse_grid(items: Sequence[str]) -> dict[str, list[str]]:
-    """``["bptt.penalty=weights,activity"]`` as values by setting. Raises UserError for text of another form."""
+    """Read ``["bptt.penalty=weights,activity"]`` as values by setting. Raises UserError for text of another form."""
     grid: dict[str, list[str]] = {}
     for item in items:
         name, equals, values = item.partition("=")
@@ -100,21 +100,24 @@ def parse_grid(items: Sequence[str]) -> dict[str, list[str]]:
 
 
 def point_name(point: Mapping[str, str]) -> str:
-    """Of a point's job and folder: the last part of each setting's name with its value."""
+    """The name of a point's job and folder: the last part of each setting's name with its value."""
     parts = [f"{name.rpartition('.')[2]}={value}" for name, value in point.items()]
     return re.sub(r"[^\w.=,+-]", "_", ",".join(parts))
 
 
 def result_file(point: Mapping[str, str]) -> str:
-    """Where in the sweep's folder the results of a point lie."""
+    """The file of the results of a point, relative to the sweep's folder."""
     return f"results/{point_name(point)}.csv"
 
 
 def read_sweep(sweep: Sweep, folder: Path) -> pd.DataFrame:
-    """The long table of the points that are done.
+    """Read the long table of the points that are done.
 
     Beside its own columns it has ``point``, the point's name, and one for each setting of the grid that is not among
-    them already. Raises UserError for a damaged table.
+    them already.
+
+    Raises:
+        UserError: a table is damaged, or of weights that its run no longer has.
     """
     tables = []
     for point in sweep.points():

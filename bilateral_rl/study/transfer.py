@@ -10,18 +10,18 @@ from bilateral_rl.study.jobs import is_inside
 
 
 def pack(folder: Path) -> dict[str, bytes]:
-    """Every file below ``folder``, by its relative name; links are not followed."""
+    """Read every file below ``folder``, by its relative name; links are not followed."""
     files = sorted(path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def unpack(files: Mapping[str, bytes], folder: Path, last: str) -> None:
-    """Write ``files`` below ``folder``, in the place of those that are there; nothing moves before all are on the disk.
+    """Write ``files`` below ``folder``, in the place of existing ones; nothing moves before all are on the disk.
 
     Args:
         files: contents, by relative name.
         folder: an existing one.
-        last: the file that takes its place after all others.
+        last: name of the file that takes its place after all others.
 
     Raises:
         ValueError: a name that leaves the folder; nothing is written then.
