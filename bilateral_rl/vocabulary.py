@@ -90,7 +90,8 @@ Trial i is the first trial of seed ``TEST_SEED + i``.
 def stream_mix(loss: Loss) -> tuple[tuple[float, float], ...]:
     """Return, for each stream of ``loss``, its weights of the dominant and the non-dominant loss or reward.
 
-    Raises ValueError for an unknown loss.
+    Raises:
+        ValueError: an unknown loss.
     """
     if loss not in _STREAM_MIX:
         raise ValueError(f"unknown loss {loss!r}; choose from {', '.join(LOSSES)}.")

@@ -13,7 +13,7 @@ ALGORITHM_CLASSES: dict[str, type[Hemispheric]] = {
     "sac": HemisphericSAC,
     "td3": HemisphericTD3,
 }
-"""What ``--algo`` calls them."""
+"""The algorithms by the name that ``--algo`` and configurations have for them."""
 
 __all__ = [
     "ALGORITHM_CLASSES", "LOSSES", "Hemispheric", "HemisphericA2C", "HemisphericPPO", "HemisphericSAC",

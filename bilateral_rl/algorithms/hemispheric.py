@@ -21,7 +21,7 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
 
 Log = defaultdict[str, list[Tensor]]
-"""What updates measure, by name: of each update a number, or (n_streams,) numbers."""
+"""Measurements by name, an entry for each update: a number (), or one a stream (n_streams,)."""
 
 
 class Hemispheric(BaseAlgorithm):

@@ -38,6 +38,8 @@ def assign_routed_gradients(losses: Sequence[Tensor], groups: Groups, group_shar
         group_shares: per group, one share per stream. A parameter that no stream reaches gets ``grad = None``, so
             that no optimizer moves it.
     """
+    # For a parameter θ of group G: grad = Σ_s share(G, s) · ∂L_s/∂θ, one backward pass for each stream s. A pass asks
+    # only for the parameters that have a share of it, but goes through the whole graph to reach them.
     for group in groups.values():
         for parameter in group:
             parameter.grad = None
@@ -48,13 +50,13 @@ def assign_routed_gradients(losses: Sequence[Tensor], groups: Groups, group_shar
             if group_shares[name][stream]
             for parameter in group
         ]
-        if not owned:
+        if not owned:  # autograd refuses to differentiate by nothing
             continue
         gradients = torch.autograd.grad(
             loss, [p for p, _ in owned], retain_graph=stream + 1 < len(losses), allow_unused=True
         )
         for (parameter, share), gradient in zip(owned, gradients, strict=True):
-            if gradient is None:
+            if gradient is None:  # the loss does not depend on it
                 continue
             routed = share * gradient  # a tensor of its own: autograd may give one to several parameters
             parameter.grad = routed if parameter.grad is None else parameter.grad + routed

@@ -1,4 +1,4 @@
-"""What tests of the hemispheric algorithms share: small models, and what they do in one rollout and one update."""
+"""Small hemispheric models for tests, and what they do in one rollout and one update."""
 
 import gymnasium
 import numpy as np
@@ -150,7 +150,7 @@ class _Capture(KVWriter):
 
 
 def learn_logged(model, timesteps=3 * ROLLOUT):
-    """What a model logs while it learns, every value by name; on-policy, an update's numbers come with the next's."""
+    """Let a model learn; return every value that it logs, by name. On-policy, an update is logged with the next."""
     capture = _Capture()
     model.set_logger(Logger(folder=None, output_formats=[capture]))
     model.learn(timesteps, log_interval=1 if isinstance(model, ON_POLICY) else N_ENVS)

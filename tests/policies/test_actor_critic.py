@@ -1,4 +1,4 @@
-"""What only the policies for PPO and A2C have: densities of given actions, values of streams."""
+"""The policies for PPO and A2C: densities of given actions, values of streams."""
 
 import numpy as np
 import pytest

@@ -172,11 +172,11 @@ def test_copied_and_loaded_policies_keep_their_combination_weights_non_negative(
 
 @kinds
 @pytest.mark.parametrize(
-    ("optimizer_class", "own"),
+    ("optimizer_class", "arguments"),
     [(torch.optim.SGD, {"momentum": 0.5}), (torch.optim.RMSprop, {}), (torch.optim.Adam, {"foreach": True})],
 )
-def test_another_optimizer_or_kind_of_it_can_be_chosen(kind, optimizer_class, own):
-    policy = make_policy(kind, optimizer_class=optimizer_class, optimizer_kwargs={"weight_decay": 0.5} | own)
+def test_another_optimizer_or_kernel_of_it_can_be_chosen(kind, optimizer_class, arguments):
+    policy = make_policy(kind, optimizer_class=optimizer_class, optimizer_kwargs={"weight_decay": 0.5} | arguments)
     optimizer = policy._network_optimizer()
     assert type(optimizer) is optimizer_class
     assert optimizer.defaults["weight_decay"] == 0.5
@@ -271,10 +271,10 @@ def test_a_network_trained_elsewhere_loads_into_a_policy_and_back(kind, random_n
 def test_the_network_is_found_in_the_policys_weights_by_its_key(kind, architecture):
     policy = make_policy(kind, architecture=architecture, n_streams=2)
     key = kind.NETWORK_KEY
-    found = {name.removeprefix(key): v for name, v in policy.state_dict().items() if name.startswith(key)}
-    own = policy.motor_network.state_dict()
-    assert found.keys() == own.keys()
-    assert all(found[name].data_ptr() == value.data_ptr() for name, value in own.items())
+    stored = {name.removeprefix(key): v for name, v in policy.state_dict().items() if name.startswith(key)}
+    expected = policy.motor_network.state_dict()
+    assert stored.keys() == expected.keys()
+    assert all(stored[name].data_ptr() == value.data_ptr() for name, value in expected.items())
 
 
 @kinds

@@ -183,7 +183,7 @@ def test_an_unknown_architecture_is_refused_naming_the_valid_ones():
 
 
 def received(network, observation):
-    """What enters each side's second hidden layer."""
+    """Record the inputs of each side's second hidden layer."""
     inputs = {}
     for side in SIDES:
         hook = getattr(network, side)[1].register_forward_pre_hook(lambda _, x, side=side: inputs.update({side: x[0]}))

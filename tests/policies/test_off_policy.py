@@ -1,4 +1,4 @@
-"""What only the policies for SAC and TD3 have: sampled actions with their density, critics by stream, targets."""
+"""The policies for SAC and TD3: sampled actions with their density, critics by stream, targets."""
 
 import numpy as np
 import pytest

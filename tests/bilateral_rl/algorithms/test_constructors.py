@@ -13,7 +13,7 @@ from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericS
 
 OURS = {"loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0}
 OURS_OFF_POLICY = OURS | {"critic_warm_up": 0}
-"""What the hemispheric algorithms take besides SB3's arguments. Everything else is SB3's, also its default."""
+"""The arguments that hemispheric algorithms have besides SB3's, with their defaults."""
 
 _ANY = {"weight_penalty": 0.5, "reward_scale": 2.0, "gamma": 0.7, "stats_window_size": 7, "verbose": 1, "seed": 3}
 _ON_POLICY = _ANY | {"n_steps": 6, "gae_lambda": 0.6, "ent_coef": 0.2, "vf_coef": 0.3, "max_grad_norm": 0.4}
@@ -30,7 +30,7 @@ OTHER_VALUES = {
     HemisphericSAC: _OFF_POLICY | {"ent_coef": 0.2, "target_update_interval": 2, "target_entropy": -2.0},
     HemisphericTD3: _OFF_POLICY | {"policy_delay": 3, "target_policy_noise": 0.3, "target_noise_clip": 0.4},
 }  # fmt: skip
-"""Of every argument that there is something to choose of, another value than the default."""
+"""Another value than the default for every argument with something to choose."""
 KEPT_OTHERWISE = {"rms_prop_eps", "use_rms_prop"}
 """Arguments that SB3 keeps in ``policy_kwargs``."""
 NO_CHOICE = {

@@ -1,4 +1,4 @@
-"""What holds for every hemispheric algorithm: owners, weight penalty, seeds, settings, and what is refused."""
+"""Every hemispheric algorithm: owners of parameters, weight penalty, seeds, settings, and refusals."""
 
 import gymnasium
 import numpy as np
@@ -167,11 +167,11 @@ def test_the_policys_other_settings_are_kept(algorithm):
 
 
 def test_a_policy_that_is_not_ours_is_refused(algorithm):
-    wanted = algorithm.POLICY_CLASS.__name__
+    needed = algorithm.POLICY_CLASS.__name__
     stock = STOCK[algorithm].policy_aliases["MlpPolicy"]
-    of_another = (POLICY_ALIASES if algorithm in OFF_POLICY else SAC_ALIASES)["CallosalPolicy"]
-    for policy in (stock, of_another):
-        message = f"{algorithm.__name__} needs a {wanted}, not {policy.__name__}"
+    of_the_other_kind = (POLICY_ALIASES if algorithm in OFF_POLICY else SAC_ALIASES)["CallosalPolicy"]
+    for policy in (stock, of_the_other_kind):
+        message = f"{algorithm.__name__} needs a {needed}, not {policy.__name__}"
         with pytest.raises(ValueError, match=message):
             algorithm(policy, arm(1), device="cpu")
     with pytest.raises(ValueError, match="MlpPolicy"):
@@ -183,10 +183,10 @@ def test_an_unknown_loss_is_refused_naming_the_valid_ones(algorithm):
         algorithm("CallosalPolicy", arm(1), loss="both", device="cpu")
 
 
-@pytest.mark.parametrize(("loss", "wanted", "given"), [("specialized", 2, 1), ("combined", 1, 2)])
-def test_critics_that_do_not_fit_the_loss_are_refused(algorithm, loss, wanted, given):
-    with pytest.raises(ValueError, match=f"'{loss}' needs {wanted} critics, but the policy has {given}"):
-        make_model(algorithm, loss=loss, policy_kwargs={"n_streams": given})
+@pytest.mark.parametrize(("loss", "needed", "n_streams"), [("specialized", 2, 1), ("combined", 1, 2)])
+def test_critics_that_do_not_fit_the_loss_are_refused(algorithm, loss, needed, n_streams):
+    with pytest.raises(ValueError, match=f"'{loss}' needs {needed} critics, but the policy has {n_streams}"):
+        make_model(algorithm, loss=loss, policy_kwargs={"n_streams": n_streams})
 
 
 class Dictionary(RandomEnds):

@@ -1,4 +1,4 @@
-"""What only HemisphericPPO has: epochs that end early, and what it says of its clipping."""
+"""HemisphericPPO: epochs that end early, minibatches, and its log of clipping."""
 
 import numpy as np
 import pytest

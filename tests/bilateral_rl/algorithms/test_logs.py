@@ -1,4 +1,4 @@
-"""What the hemispheric algorithms log: returns, combination weights and losses, by stream."""
+"""Logs of the hemispheric algorithms: returns, combination weights and losses, by stream."""
 
 import numpy as np
 import pytest

@@ -58,8 +58,8 @@ def assert_trainings_end_alike(algorithm, policy, loss, env, settings, policy_kw
         "policy_kwargs": {"optimizer_class": torch.optim.SGD} | policy_kwargs,
     }
     ours, stock = (
-        make_model(a, policy, env(), **(arguments | settings | own))
-        for a, own in ((algorithm, {"loss": loss, "weight_penalty": 0.0}), (STOCK[algorithm], {}))
+        make_model(a, policy, env(), **(arguments | settings | of_the_class))
+        for a, of_the_class in ((algorithm, {"loss": loss, "weight_penalty": 0.0}), (STOCK[algorithm], {}))
     )
     repeat_critics(ours.policy)
     state = ours.policy.state_dict()

@@ -78,16 +78,16 @@ def critic_losses(model, batch, seed):
             entropy = torch.zeros(len(action))
     losses, values = [], []
     for stream in range(policy.n_streams):
-        own = range(stream * n_critics, (stream + 1) * n_critics)
+        streams_critics = range(stream * n_critics, (stream + 1) * n_critics)
         loss = 0.0
         for row in range(len(batch.rewards)):
             after = torch.cat([batch.next_observations[row], action[row]])
             with torch.no_grad():
-                smallest = min(policy.critic_target.q_networks[k](after).item() for k in own)
+                smallest = min(policy.critic_target.q_networks[k](after).item() for k in streams_critics)
             goes_on = 1 - batch.dones[row].item()
             target = batch.rewards[row, stream] + goes_on * GAMMA * (smallest + TEMPERATURE * entropy[row])
             now = torch.cat([batch.observations[row], batch.actions[row]])
-            predicted = [policy.critic.q_networks[k](now) for k in own]
+            predicted = [policy.critic.q_networks[k](now) for k in streams_critics]
             loss = loss + sum((value - target).square() for value in predicted)
             values.append((stream, torch.cat(predicted).mean().item()))
         factor = 0.5 if isinstance(model, HemisphericSAC) else 1.0

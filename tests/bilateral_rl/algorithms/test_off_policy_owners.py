@@ -54,8 +54,8 @@ def actor_losses(model, batch, seed):
 
 
 def gradients(loss, parameters):
-    found = torch.autograd.grad(loss, list(parameters.values()), retain_graph=True, allow_unused=True)
-    return dict(zip(parameters, found, strict=True))
+    values = torch.autograd.grad(loss, list(parameters.values()), retain_graph=True, allow_unused=True)
+    return dict(zip(parameters, values, strict=True))
 
 
 def make(algorithm, policy="CallosalPolicy", **kwargs):

@@ -1,4 +1,4 @@
-"""HemisphericPPO and HemisphericA2C: what a silent stream, clipping by group and logs do."""
+"""HemisphericPPO and HemisphericA2C: a silent stream, clipping by group, and logs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What HemisphericPPO and HemisphericA2C collect: rewards, values and advantages of each stream."""
+"""Rollouts of HemisphericPPO and HemisphericA2C: rewards, values and advantages of each stream."""
 
 import numpy as np
 import pytest

@@ -116,12 +116,12 @@ def test_the_next_updates_of_a_loaded_model_are_the_saved_ones(tmp_path, algorit
     assert_the_next_updates_are_the_same(model, loaded)
 
 
-@pytest.mark.parametrize("given", ["parameters", "file"])
-def test_parameters_set_into_another_model_make_it_the_same(tmp_path, algorithm, given):
+@pytest.mark.parametrize("form", ["parameters", "file"])
+def test_parameters_set_into_another_model_make_it_the_same(tmp_path, algorithm, form):
     model = make_model(algorithm, **SETTINGS[algorithm]).learn(ROLLOUT)
     other = collect(make_model(algorithm, seed=1, **SETTINGS[algorithm]))
     # Optimizers would share the moments that they are given.
-    parameters = saved(model, tmp_path) if given == "file" else copy.deepcopy(model.get_parameters())
+    parameters = saved(model, tmp_path) if form == "file" else copy.deepcopy(model.get_parameters())
     other.set_parameters(parameters, device="cpu")
     other._n_updates = model._n_updates
     if algorithm is HemisphericSAC:  # SB3 keeps it beside the parameters

@@ -1,4 +1,4 @@
-"""What users of stable-baselines3 put around an algorithm works around the hemispheric ones."""
+"""Callbacks, wrappers and evaluation of stable-baselines3 work around the hemispheric algorithms."""
 
 import gymnasium
 import numpy as np

@@ -18,7 +18,7 @@ discounts = st.floats(0.0, 1.0, width=32)
 
 @st.composite
 def episodes(draw):
-    """What a rollout may hold; ends are truncations (with a value of their own) or terminations (without)."""
+    """Rollouts in which episodes end by truncation (with a value of the last observation) or termination (without)."""
     n_steps, n_envs, n_streams = draw(st.integers(1, 12)), draw(st.integers(1, 4)), draw(st.integers(1, 3))
     rng = np.random.default_rng(draw(st.integers(0, 2**16)))
     ends = rng.choice(["no", "truncated", "terminated"], p=[0.6, 0.2, 0.2], size=(n_steps, n_envs))
