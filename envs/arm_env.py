@@ -77,7 +77,7 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Info
 
     ``vector_reward`` (2,) and ``distance`` to the target (m) at every step; at the trial's last step also
-    ``vector_return`` (2,), ``is_success`` (goal completion), ``speed_to_goal`` (m/step, nan if not reached),
+    ``vector_return`` (2,), ``is_success`` (goal completion), ``speed_to_goal`` (m/step, NaN if not reached),
     ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``.
 
     Args:
@@ -114,7 +114,7 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         draws = self.batch.draw(self.np_random)
         if options:
-            trials = _given_trial(options, self.settings.arm)
+            trials = _trial_from_options(options, self.settings.arm)
         else:
             trials = self.batch.task.trials(draws.uniform, self.settings)
         self.batch.start(_ARM, trials, draws.noise)
@@ -139,14 +139,19 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return batch.observation[0].copy(), float(batch.reward[0]), False, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """The present picture (480, 480, 3) in mode "rgb_array"; in mode "human" each step shows it by itself."""
+        """Return the present picture (480, 480, 3) in mode "rgb_array"; in mode "human" each step shows it itself."""
         return self._view.render()
 
     def close(self) -> None:
         self._view.close()
 
 
-def _given_trial(options: dict[str, Any], arm: ArmParameters) -> Trials:
+def _trial_from_options(options: dict[str, Any], arm: ArmParameters) -> Trials:
+    """Return the one trial that ``reset(options=...)`` describes.
+
+    Raises:
+        ValueError: another option, no start, or values that are no posture within the joint limits or no load.
+    """
     unknown = sorted(set(options) - set(_TRIAL_OPTIONS))
     if unknown or "start" not in options:
         raise ValueError(f"a trial is set by {', '.join(_TRIAL_OPTIONS)}, 'start' always, got {sorted(options)}.")

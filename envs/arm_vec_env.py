@@ -33,7 +33,7 @@ class ArmVecEnv(VecEnv):
     - ``episode``: return ``r``, length ``l`` and time ``t`` as SB3's ``Monitor`` writes them, and the streams' returns
       ``dominant`` and ``non_dominant``;
     - ``vector_return`` (2,): the dominant and the non-dominant stream's return;
-    - ``is_success``: goal completion; ``speed_to_goal`` (m/step, nan if not reached), ``time_in_goal`` (steps),
+    - ``is_success``: goal completion; ``speed_to_goal`` (m/step, NaN if not reached), ``time_in_goal`` (steps),
       ``final_error`` (m).
 
     Infos of arms in the middle of a trial are empty; the step's vector reward is :attr:`last_vector_reward`.
@@ -82,7 +82,14 @@ class ArmVecEnv(VecEnv):
         self._seeds = list(seeds)
 
     def reset(self) -> VecEnvObs:
-        """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset."""
+        """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset.
+
+        Returns:
+            The observations (n_envs, 16).
+
+        Raises:
+            ValueError: reset options were set.
+        """
         if any(self._options):
             self._reset_options()
             raise ValueError("ArmVecEnv draws its trials and takes no reset options; ArmEnv.reset(options=...) does.")
@@ -122,6 +129,7 @@ class ArmVecEnv(VecEnv):
         return batch.observation.copy(), reward, done, infos
 
     def _final_infos(self, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
+        """Return the infos of ``arms``, whose trials have just ended and not yet begun anew."""
         infos = final_infos(self.batch, arms)
         elapsed = round(time.monotonic() - self._began, 6)
         for info, observation in zip(infos, self.batch.observation[arms], strict=True):
@@ -138,7 +146,7 @@ class ArmVecEnv(VecEnv):
         return infos
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything that the rest of the trials depends on, by name; call it after :meth:`reset`.
+        """Return everything that the rest of the trials depends on, by name; call it after :meth:`reset`.
 
         On a CPU some arrays are live views: save or copy them before the next step.
         """
@@ -147,17 +155,17 @@ class ArmVecEnv(VecEnv):
         return {"elapsed": elapsed, **self.batch.state_arrays(), **self._streams.state_arrays()}
 
     def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what :meth:`state_arrays` gave, in place of :meth:`reset`; another number of arms does not fit.
+        """Go on from the state that :meth:`state_arrays` of as many arms returned, in place of :meth:`reset`.
 
         Raises:
-            ValueError: what no such environment can be in.
+            ValueError: arrays of another shape or type, or numbers that such an environment cannot come to.
         """
         self.reset()
         assert self._streams is not None
-        own = self.state_arrays()
-        if extra := sorted(set(arrays) - set(own)):
+        present = self.state_arrays()
+        if extra := sorted(set(arrays) - set(present)):
             raise ValueError(f"{extra[0]} is unknown")
-        check_array("elapsed", arrays.get("elapsed"), own["elapsed"])
+        check_array("elapsed", arrays.get("elapsed"), present["elapsed"])
         self.batch.set_state_arrays(arrays)
         self._streams.set_state_arrays(arrays)
         self._clock[:] = self.batch.clock
@@ -167,7 +175,7 @@ class ArmVecEnv(VecEnv):
         self._view.advance()
 
     def render(self, mode: str | None = None) -> NDArray[np.uint8] | None:
-        """The first arms side by side (H, W, 3) in mode "rgb_array"; in mode "human" each step shows them."""
+        """Return a picture (H, W, 3) of the first arms in mode "rgb_array"; in mode "human" each step shows them."""
         return self._view.render()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:

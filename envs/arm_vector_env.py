@@ -13,11 +13,11 @@ from bilateral_rl.envs.arm_env import ArmEnv
 from bilateral_rl.envs.arm_vec_env import ArmVecEnv
 from bilateral_rl.envs.tasks import Task
 
-Float = NDArray[np.float32]
+Float32 = NDArray[np.float32]
 
 
-class ArmVectorEnv(VectorEnv[Float, Float, NDArray[Any]]):
-    """``num_envs`` arms in one kernel launch, as a Gymnasium ``VectorEnv``; what ``gymnasium.make_vec`` gives.
+class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
+    """``num_envs`` arms in one kernel launch, as a Gymnasium ``VectorEnv``: the one of ``gymnasium.make_vec``.
 
     Spaces, reward, start, end and info are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. Autoreset is same-step: where
     a trial ends, the observation is the next trial's, ``infos["final_obs"]`` holds the last one and
@@ -49,8 +49,12 @@ class ArmVectorEnv(VectorEnv[Float, Float, NDArray[Any]]):
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Float, dict[str, Any]]:
-        """Start a new trial on every arm; arm i from ``seed + i``, or from the i-th of a list of seeds."""
+    ) -> tuple[Float32, dict[str, Any]]:
+        """Start a new trial on every arm; arm i from ``seed + i``, or from the i-th of a list of seeds.
+
+        Raises:
+            ValueError: options, or a list of another length than the number of arms.
+        """
         if options:
             raise ValueError(f"ArmVectorEnv starts every arm by drawing; it takes no reset options, got {options}.")
         if isinstance(seed, int):
@@ -63,7 +67,7 @@ class ArmVectorEnv(VectorEnv[Float, Float, NDArray[Any]]):
         assert isinstance(observation, np.ndarray)
         return observation, {}
 
-    def step(self, actions: Float) -> tuple[Float, Float, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: Float32) -> tuple[Float32, Float32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         self._venv.step_async(actions)
         observation, reward, done, final_infos = self._venv.step_wait()
         assert isinstance(observation, np.ndarray)
@@ -86,7 +90,7 @@ class ArmVectorEnv(VectorEnv[Float, Float, NDArray[Any]]):
         return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), done, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """One (480, 480, 3) RGB picture an arm, of the first few, in mode "rgb_array"."""
+        """Return one (480, 480, 3) RGB picture an arm, of the first few, in mode "rgb_array"."""
         return tuple(self._venv.get_images()) if self.render_mode == "rgb_array" else None  # type: ignore[arg-type]
 
     def close_extras(self, **kwargs: Any) -> None:

@@ -1,4 +1,4 @@
-"""NumPy random generators as plain numbers, to be saved and to go on later."""
+"""NumPy random generators as plain numbers, so that they can be saved and go on later."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _COLUMNS = 6
 
 
 def generator_states(generators: Sequence[np.random.Generator]) -> NDArray[np.int64]:
-    """(n, 6): the states of generators that draw from PCG64; their 64-bit words are stored as int64."""
+    """Return the states (n, 6) int64 of generators that draw from PCG64; their 64-bit words keep their bits."""
     words = np.empty((len(generators), _COLUMNS), dtype=np.uint64)
     for row, generator in zip(words, generators, strict=True):
         state = generator.bit_generator.state
@@ -24,7 +24,11 @@ def generator_states(generators: Sequence[np.random.Generator]) -> NDArray[np.in
 
 
 def set_generator_states(generators: Sequence[np.random.Generator], states: NDArray[np.int64]) -> None:
-    """Put ``generators`` where those of :func:`generator_states` were. Raises ValueError for what PCG64 cannot be."""
+    """Put ``generators`` where those of :func:`generator_states` were.
+
+    Raises:
+        ValueError: another shape or type, or a state that PCG64 cannot be in.
+    """
     shape = (len(generators), _COLUMNS)
     if states.shape != shape or states.dtype != np.int64:
         raise ValueError(f"the states of its generators are not int64 numbers of shape {shape}")

@@ -42,7 +42,7 @@ class TrialMeasures(NamedTuple):
 
 
 def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: float) -> TrialMeasures:
-    """Measure trials.
+    """Return the measures of ``n`` trials of ``T`` steps.
 
     Args:
         distance: (n, T), hand to target after each step (m).
@@ -63,7 +63,7 @@ def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: fl
 
 
 def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
-    """What the environments' infos say at the end of the trials of ``arms``, one dictionary an arm."""
+    """Return what the environments' infos say at the end of the trials of ``arms``, one dictionary an arm."""
     measures = trial_measures(batch.distance[arms], batch.start_distance[arms], batch.settings.threshold)
     columns = zip(*(column.tolist() for column in measures), strict=True)
     return [
@@ -79,7 +79,7 @@ def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, An
 
 
 def _runs_start(inside: NDArray[np.bool_], length: int) -> NDArray[np.bool_]:
-    """(n, T - length + 1): whether ``length`` consecutive steps inside start at each step."""
+    """Return (n, T - length + 1) bool: whether ``length`` consecutive steps inside start at each step."""
     n_starts = max(inside.shape[1] - length + 1, 0)
     starts = np.ones((len(inside), n_starts), dtype=np.bool_)
     for offset in range(length):

@@ -1,4 +1,4 @@
-"""What the environments show: arms of a batch, in every face's render modes."""
+"""The view of a batch of arms that every environment renders."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class SceneView:
         self._window: Window | None = None
 
     def advance(self) -> None:
-        """The arms moved or started anew."""
+        """Take note that the arms moved or started anew; in mode "human", show them."""
         if self._mode is None:
             return
         for path, hand, clock in zip(self._paths, self._batch.hand, self._batch.clock, strict=False):
@@ -50,11 +50,11 @@ class SceneView:
             self._show()
 
     def render(self) -> Picture | None:
-        """The picture, arms side by side, in mode "rgb_array"; else None."""
+        """Return the picture, arms side by side, in mode "rgb_array"; else None."""
         return tile(self.pictures()) if self._mode == "rgb_array" else None
 
     def pictures(self) -> list[Picture]:
-        """One (480, 480, 3) RGB picture an arm."""
+        """Return one (480, 480, 3) RGB picture an arm."""
         return [self._picture(arm) for arm in range(len(self._paths))]
 
     def close(self) -> None:

@@ -39,13 +39,17 @@ class TrialStreams:
                 self._next[arm] = self._uniform.shape[1]
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """The generators, and what they have drawn ahead, by name."""
+        """Return the generators and what they have drawn ahead, by name."""
         return {"generators": generator_states(self._generators), "uniform": self._uniform, "next": self._next}
 
     def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what :meth:`state_arrays` gave. Raises ValueError for what no such streams can be in."""
-        for name, own in self.state_arrays().items():
-            check_array(name, arrays.get(name), own)
+        """Go on from the state that :meth:`state_arrays` returned.
+
+        Raises:
+            ValueError: arrays of another shape or type, or numbers that such streams cannot come to.
+        """
+        for name, present in self.state_arrays().items():
+            check_array(name, arrays.get(name), present)
         uniform, following = arrays["uniform"], arrays["next"]
         if (uniform < 0).any() or (uniform >= 1).any() or (following < 0).any() or (following > uniform.shape[1]).any():
             raise ValueError("uniform or next is out of range")

@@ -29,7 +29,7 @@ from bilateral_rl.envs.trial_kernels import (
     vec6,
 )
 
-Float = NDArray[np.float32]
+Float32 = NDArray[np.float32]
 
 
 class Draws(NamedTuple):
@@ -44,14 +44,17 @@ class Draws(NamedTuple):
 class TrialBatch:
     """``n`` arms doing trials of ``task``, each with its own clock.
 
-    On a CPU every array below is a live view of the kernels' memory; on CUDA it is this side's copy, refreshed by
-    each call. Read them, or copy what must outlive the next call.
+    On a CPU every array below is a live view of the kernels' memory; on CUDA it is the host's copy, refreshed by each
+    call. Read them, or copy what must outlive the next call.
 
     Args:
         task: the distribution of trials.
         settings: how they run.
         n: number of arms.
         device: ``"cpu"`` or a CUDA device.
+
+    Raises:
+        ValueError: no arm.
 
     Attributes:
         observation: (n, 16) float32.
@@ -68,19 +71,20 @@ class TrialBatch:
         excitation: (n, 6) float32, the last step's commands in [0, 1], before motor noise.
     """
 
-    observation: Float
-    reward: Float
-    vector_reward: Float
-    vector_return: Float
-    distance: Float
-    start_distance: Float
+    # The annotations are also the list of what is copied from the device: see _OUTPUTS.
+    observation: Float32
+    reward: Float32
+    vector_reward: Float32
+    vector_return: Float32
+    distance: Float32
+    start_distance: Float32
     clock: NDArray[np.int32]
-    joint: Float
-    muscle: Float
-    hand: Float
-    target: Float
-    load: Float
-    excitation: Float
+    joint: Float32
+    muscle: Float32
+    hand: Float32
+    target: Float32
+    load: Float32
+    excitation: Float32
 
     def __init__(self, task: Task, settings: TrialSettings, n: int, device: str = "cpu") -> None:
         if n < 1:
@@ -105,14 +109,14 @@ class TrialBatch:
         self._fetch()
 
     def draw(self, generator: np.random.Generator, k: int = 1) -> Draws:
-        """The numbers of the next ``k`` trials of one arm (1 where noise is drawn between trials)."""
+        """Return the numbers of the next ``k`` trials of one arm (1 where noise is drawn between trials)."""
         if not self.settings.noisy:
             return Draws(generator.random((k, self.task.n_uniform)), None)
         shape = (1, self.settings.trial_length + 1, N_NOISE)
         return Draws(generator.random((1, self.task.n_uniform)), generator.standard_normal(shape))
 
     def start(self, arms: NDArray[np.int32], trials: Trials, noise: NDArray[np.float64] | None = None) -> None:
-        """Begin ``trials`` (k of them) on the k ``arms``, with their normal numbers (k, T + 1, 20) if noisy."""
+        """Begin the k ``trials`` on the k ``arms``, with their normal numbers (k, T + 1, 20) if noisy."""
         if noise is not None:
             self._host_noise[arms] = noise * self._noise_scale
             if not self._on_cpu:
@@ -132,7 +136,7 @@ class TrialBatch:
             self._fetch()
 
     def step(self, action: NDArray[np.float32]) -> None:
-        """One step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound.
+        """Make one step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound.
 
         Raises:
             ValueError: another shape (one arm also takes (6,)), or a number that is not finite.
@@ -150,13 +154,17 @@ class TrialBatch:
             self._fetch()
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything that the rest of the trials depends on, by name; on a CPU these are live views."""
+        """Return everything that the rest of the trials depends on, by name; on a CPU these are live views."""
         return {name: getattr(self._arrays, name).numpy() for name in _STATE}
 
     def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what :meth:`state_arrays` gave. Raises ValueError for what no such batch can be in."""
-        for name, own in self.state_arrays().items():
-            check_array(name, arrays.get(name), own)
+        """Go on from the state that :meth:`state_arrays` returned.
+
+        Raises:
+            ValueError: arrays of another shape or type, or numbers that such a batch cannot come to.
+        """
+        for name, present in self.state_arrays().items():
+            check_array(name, arrays.get(name), present)
         if (arrays["clock"] < 0).any() or (arrays["clock"] > self.settings.trial_length).any():
             raise ValueError("clock is outside the trial")  # the kernels trust it as an index
         for name in _STATE:
@@ -173,16 +181,23 @@ class TrialBatch:
         self.set_state_arrays(state["arrays"])
 
     def _fetch(self) -> None:
+        """Make the attributes the kernels' arrays: views on a CPU, copies of what is on another device."""
         for name in _OUTPUTS:
             setattr(self, name, getattr(self._arrays, name).numpy())
 
 
 _OUTPUTS = tuple(TrialBatch.__annotations__)
+"""Names of the batch's arrays, which are those of the kernels' struct: an array that is annotated is offered."""
 _STATE = (*_OUTPUTS, "noise", "sensed")
+"""Names of the arrays that a saved state holds."""
 
 
 def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> None:
-    """Raise ValueError unless ``array`` is there, of the shape and type of ``like``, and finite."""
+    """Check an array of a saved state.
+
+    Raises:
+        ValueError: it is missing, of another shape or type than ``like``, or not finite.
+    """
     if array is None or array.shape != like.shape or array.dtype != like.dtype:
         raise ValueError(f"{name} is not a {like.dtype} array of shape {like.shape}")
     if not np.isfinite(array).all():
@@ -190,6 +205,7 @@ def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> No
 
 
 def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
+    """Return the kernels' struct with arrays of zeros on ``device``."""
     length = settings.trial_length
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {
         "clock": ((n,), wp.int32),

@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 
 
 class Transition(NamedTuple):
-    """A step of an environment, as a function of rewards sees it."""
+    """A step of an environment, as the function that gives a pair of rewards sees it."""
 
     observation: Any
     """What the agent acted on."""
     action: Any
-    """As it was given to the wrapper."""
+    """The action that the wrapper was given."""
     next_observation: Any
     """What the action led to."""
     reward: float
-    """The environment's own."""
+    """The environment's own reward."""
     info: dict[str, Any]
-    """The environment's own."""
+    """The environment's own info."""
 
 
 RewardPair = Callable[[Transition], tuple[float, float]]
-"""A step to its dominant and its non-dominant reward."""
+"""A function from a step to its dominant and its non-dominant reward."""
 
 
 class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
@@ -70,7 +70,11 @@ class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs)
 
 
 def _checked(pair: Any) -> NDArray[np.float32]:
-    """(2,): what ``reward_pair`` gave, if it is two finite numbers."""
+    """Return the rewards (2,) that ``reward_pair`` gave.
+
+    Raises:
+        ValueError: anything but two finite numbers.
+    """
     try:
         with np.errstate(over="ignore"):
             numbers = np.asarray(pair, dtype=np.float32)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,24 +15,25 @@ from bilateral_rl.policies.networks import MotorNetwork
 from bilateral_rl.vocabulary import SIDES
 
 _ALIGNMENT = 16
-"""Numbers a row is a multiple of, so that all rows lie alike in memory and are summed alike."""
+"""A row's width is a multiple of this, so that all rows lie alike in memory and are summed alike."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A parameter: ``size`` numbers of the row from ``offset`` on."""
+    """A parameter of a network: the ``size`` numbers of its row from ``offset`` on."""
 
     name: str
-    """In the network's ``state_dict()``."""
+    """Its name in the network's ``state_dict()``."""
     group: str
-    """Of ``GROUPS``."""
+    """The parameter group that it belongs to, one of ``GROUPS``."""
     offset: int
+    """Index of its first number in the row."""
     shape: tuple[int, ...]
-    """In the row; a kernel is (inputs, units), the transpose of torch's."""
+    """Its shape in the row; a kernel is (inputs, units), the transpose of torch's."""
 
     @property
     def size(self) -> int:
-        """How many numbers."""
+        """Number of its numbers."""
         return math.prod(self.shape)
 
     @property
@@ -41,53 +42,48 @@ class Variable:
         return self.name.startswith("combination")
 
 
-class Region(NamedTuple):
-    """Variables that lie side by side and are used as one array of ``shape``, in the row from ``offset`` on."""
-
-    offset: int
-    shape: tuple[int, ...]
-
-
 class Layout:
     """The flat row of a network: layer by layer, side by side, each kernel followed by its bias.
+
+    That order makes every kernel with its bias one matrix, and all of a kind one array: what the Warp kernels read as
+    ``Weights``, and where ``Rollout.backward`` writes gradients, are views of rows.
 
     Args:
         network: any network of the shape that is stacked.
 
     Attributes:
+        shape: the network's shape.
         variables: in the order of the row; each is clipped by itself.
-        regions: the row as kernels and gradients see it: ``first`` (sides, n_inputs + 1, width), ``hidden``
-            ((layers - 1) · sides, width + 1, width), ``combination`` (2,) or (0,), ``output`` (width + 1, n_outputs);
-            a layer's last row is its bias.
+        regions: offset and shape of each part of a row that is used as one array: ``first`` (sides, n_inputs + 1,
+            width), ``hidden`` ((layers - 1) · sides, width + 1, width), ``combination`` (2,) or (0,), ``output``
+            (width + 1, n_outputs), with ``shape.width`` units; a layer's last row is its bias.
         width: numbers in a row, the last few unused.
+
+    Raises:
+        ValueError: the network has a parameter that the row has no place for.
     """
 
     def __init__(self, network: MotorNetwork) -> None:
         self.shape = NetworkShape.of(network)
-        prefixes = ("hidden",) if self.shape.sides == 1 else SIDES
-        sizes = {name: tuple(reversed(parameter.shape)) for name, parameter in network.named_parameters()}
-        names = [f"{p}.{k}.{part}" for k in range(self.shape.layers) for p in prefixes for part in ("weight", "bias")]
-        if self.shape.sides == 2:
-            names += [f"combination_{side}" for side in SIDES]
-        names += ["output.weight", "output.bias"]
+        shapes = {name: tuple(reversed(parameter.shape)) for name, parameter in network.named_parameters()}
         self.variables: list[Variable] = []
         offset = 0
-        for name in names:
-            variable = Variable(name, network.group_of(name), offset, sizes.pop(name))
+        for name in self._names():
+            variable = Variable(name, network.group_of(name), offset, shapes.pop(name))
             self.variables.append(variable)
             offset += variable.size
-        if sizes:
-            raise ValueError(f"parameters without a place: {', '.join(sizes)}.")
+        if shapes:
+            raise ValueError(f"parameters without a place: {', '.join(shapes)}.")
         self.width = math.ceil(offset / _ALIGNMENT) * _ALIGNMENT
         self.regions = self._regions()
 
     def region(self, rows: Tensor, name: str) -> Tensor:
-        """A view (…, *shape) of one of ``regions`` in every row of ``rows`` (…, width)."""
+        """Return a view (…, *shape) of one of ``regions`` in every row of ``rows`` (…, width)."""
         offset, shape = self.regions[name]
         return rows[..., offset : offset + math.prod(shape)].view(*rows.shape[:-1], *shape)
 
     def pack(self, states: Sequence[Mapping[str, Tensor]]) -> Tensor:
-        """(S, width): the rows of networks with these ``state_dict()``."""
+        """Return the rows (S, width) of networks with these ``state_dict()``."""
         rows = torch.zeros(len(states), self.width)
         for row, state in zip(rows, states, strict=True):
             for v in self.variables:
@@ -95,15 +91,21 @@ class Layout:
         return rows
 
     def unpack(self, rows: Tensor) -> dict[str, Tensor]:
-        """The stacked parameters (S, …) by name, as the network's ``state_dict()`` shapes each."""
-        return {
-            v.name: rows[:, v.offset : v.offset + v.size].reshape(-1, *v.shape).transpose(1, -1).contiguous()
-            if len(v.shape) > 1
-            else rows[:, v.offset : v.offset + v.size].reshape(-1, *v.shape).clone()
-            for v in self.variables
-        }
+        """Return the stacked parameters (S, …) of ``rows`` (S, width) by name, as a ``state_dict()`` shapes each."""
+        parameters = {}
+        for v in self.variables:
+            values = rows[:, v.offset : v.offset + v.size].reshape(-1, *v.shape)
+            parameters[v.name] = values.transpose(1, -1).contiguous() if len(v.shape) > 1 else values.clone()
+        return parameters
 
-    def _regions(self) -> dict[str, Region]:
+    def _names(self) -> list[str]:
+        """Return the names of all parameters in the order of the row."""
+        stacks = ("hidden",) if self.shape.sides == 1 else SIDES
+        hidden = [f"{s}.{k}.{part}" for k in range(self.shape.layers) for s in stacks for part in ("weight", "bias")]
+        combination = [f"combination_{side}" for side in SIDES] if self.shape.sides == 2 else []
+        return [*hidden, *combination, "output.weight", "output.bias"]
+
+    def _regions(self) -> dict[str, tuple[int, tuple[int, ...]]]:
         n_inputs, n_outputs, width, layers, sides, _ = self.shape
         shapes: dict[str, tuple[int, ...]] = {
             "first": (sides, n_inputs + 1, width),
@@ -111,8 +113,5 @@ class Layout:
             "combination": (2 if sides == 2 else 0,),
             "output": (width + 1, n_outputs),
         }
-        regions, offset = {}, 0
-        for name, shape in shapes.items():
-            regions[name] = Region(offset, shape)
-            offset += math.prod(shape)
-        return regions
+        ends = itertools.accumulate(math.prod(shape) for shape in shapes.values())
+        return {name: (end - math.prod(shape), shape) for (name, shape), end in zip(shapes.items(), ends, strict=True)}

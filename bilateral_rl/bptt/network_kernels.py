@@ -3,8 +3,8 @@
 The torch modules stay the definition, and tests compare both, in every architecture, size and lesion. Why then twice:
 a thread runs its trial's network inside its loop over the steps, where torch would launch thirty operations a step on
 matrices too small to fill it. An update of ten seeds of ``cc_s`` written in stacked torch (``baddbmm``, around the same
-``Arm.step``, with both streams' gradients) takes 214 ms, and 75 ms by these kernels, on one thread: a factor of 2.8, or
-the whole study in one hour instead of three.
+``Arm.step``, with both streams' gradients) took 214 ms, and 75 ms by these kernels, on one thread of a busy machine: a
+factor of 2.8, or the whole study in one hour instead of three.
 
 These are made by functions of precision and shape, as Warp's structs have no generics and its vectors have lengths that
 must be known when they are compiled; with a shape known, a loop over its layers, sides and units is unrolled too.

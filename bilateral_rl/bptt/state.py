@@ -11,21 +11,21 @@ from torch import Tensor
 
 
 class SeedState(IntEnum):
-    """What a seed is at."""
+    """State of one seed's training."""
 
     TRAINING = 0
     CONVERGED = 1
-    """Stopped early: its validation loss was no longer getting better."""
+    """Stopped early, as its validation loss was no longer getting better."""
     FAILED = 2
-    """Stopped because its loss was not a number any more."""
+    """Stopped, as its loss was no longer finite."""
 
 
 @dataclass
 class TrainingState:
-    """Of ``S`` seeds with rows of ``width`` parameters each; every field is a tensor, so that it saves as it is."""
+    """State of the training of ``S`` seeds with rows of ``width`` parameters; all fields are tensors, ready to save."""
 
     weights: Tensor
-    """(S, width)."""
+    """(S, width), the present parameters."""
     first: Tensor
     """(S, width), Adam's first moments."""
     second: Tensor
@@ -37,11 +37,11 @@ class TrainingState:
     waited: Tensor
     """(S,) int64, epochs since then."""
     seed_state: Tensor
-    """(S,) int64, of ``SeedState``."""
+    """(S,) int64, a ``SeedState`` each."""
     failed_batch: Tensor
     """(S,) int64, the batch, from 1, in which a failed seed failed; 0 for others."""
     history: Tensor
-    """(S, epochs, columns) float64: what each epoch brought; nan where there was none."""
+    """(S, epochs, columns) float64: what each epoch brought; NaN where there was none."""
     epochs: Tensor
     """(S,) int64, whole epochs of each seed."""
     updates: Tensor
@@ -49,7 +49,7 @@ class TrainingState:
 
     @classmethod
     def start(cls, weights: Tensor, n_columns: int) -> TrainingState:
-        """Before the first epoch."""
+        """Return the state before the first epoch of networks with ``weights`` (S, width)."""
         n = len(weights)
         return cls(
             weights=weights.clone(),
@@ -67,20 +67,24 @@ class TrainingState:
 
     @property
     def epoch(self) -> int:
-        """Epochs done by the seed that came furthest."""
+        """Number of epochs done by the seed that came furthest."""
         return self.history.shape[1]
 
     def training(self) -> list[int]:
-        """Indices of the seeds that still train."""
+        """Return the indices of the seeds that still train."""
         return (self.seed_state == SeedState.TRAINING).nonzero().flatten().tolist()
 
     def tensors(self) -> dict[str, Tensor]:
-        """Every field by name."""
+        """Return every field by name."""
         return {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, Tensor], n_seeds: int, width: int, n_columns: int) -> TrainingState:
-        """The inverse of :meth:`tensors`. Raises ValueError for what is no state of such a training."""
+        """Return the state with the fields of :meth:`tensors`.
+
+        Raises:
+            ValueError: fields of other names, shapes or types, or numbers that such a training cannot come to.
+        """
         names = [f.name for f in dataclasses.fields(cls)]
         if sorted(names) != sorted(tensors):
             raise ValueError(f"it must hold {', '.join(names)}")
@@ -91,11 +95,12 @@ class TrainingState:
             if tuple(tensors[name].shape) != shape or tensors[name].dtype != tensor.dtype:
                 raise ValueError(f"its {name} is not a {tensor.dtype} tensor of shape {shape}")
         state = cls(**{name: tensors[name].clone() for name in names})
-        if not state._makes_sense():
+        if not state._is_possible():
             raise ValueError("its numbers are out of range")
         return state
 
-    def _makes_sense(self) -> bool:
+    def _is_possible(self) -> bool:
+        """Return whether a training could have come to these numbers."""
         finite = (self.weights, self.first, self.second, self.best_weights)
         known = torch.tensor(list(SeedState))
         return bool(

@@ -15,7 +15,7 @@ from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
 from bilateral_rl.bptt.state import SeedState, TrainingState
-from bilateral_rl.bptt.trials import epoch_order, training_trials, validation_trials
+from bilateral_rl.bptt.trials import epoch_order, stacked, training_trials, validation_trials
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import BPTTConfig
@@ -70,10 +70,10 @@ class Trainer:
         self._groups = _groups(layout)
         task, settings = make_task(config.task), config.bptt
         seeds = [config.seed + i for i in range(config.seeds)]
-        self._training = _stacked(
+        self._training = stacked(
             [training_trials(seed, settings.trials, task, config.trial) for seed in seeds], config.device
         )
-        self._validation = _stacked(
+        self._validation = stacked(
             [validation_trials(seed, settings.validation_trials, task, config.trial) for seed in seeds], config.device
         )
         self._workers = Workers(config.threads if config.device == "cpu" else 1)
@@ -250,8 +250,3 @@ def history_columns(config: BPTTConfig, layout: Layout) -> list[str]:
 def _groups(layout: Layout) -> list[str]:
     """Return the network's parameter groups, in the order of its variables."""
     return list(dict.fromkeys(v.group for v in layout.variables))
-
-
-def _stacked(trials: list[TrialTensors], device: str) -> TrialTensors:
-    """Stack the trials (n, 2) of each seed to (seeds, n, 2)."""
-    return TrialTensors(*(torch.stack(parts).to(device) for parts in zip(*trials, strict=True)))

@@ -1,6 +1,8 @@
-"""What each seed trains on: its own trials, drawn once, in an order of its own every epoch (paper section 5)."""
+"""The trials that each seed trains on: its own, drawn once, in an order of its own every epoch (paper section 5)."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -12,31 +14,36 @@ from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task
 
 _WEIGHTS, _TRAINING, _VALIDATION, _ORDER, _RETRAINING = range(5)
-"""A seed's random streams; none depends on how much of another was used."""
+"""Numbers of a seed's random streams; none depends on how much of another was used."""
 
 
 def initial_weights_seed(seed: int) -> int:
-    """What to seed torch with before the seed's network is made."""
+    """Return the number to seed torch with before the seed's network is made."""
     return int(_sequence(seed, _WEIGHTS).generate_state(1, np.uint64)[0] >> 1)
 
 
 def training_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
-    """The ``n`` trials that the seed trains on, each tensor (n, 2)."""
+    """Return the ``n`` trials that the seed trains on, each tensor (n, 2)."""
     return _draw(_sequence(seed, _TRAINING), n, task, settings)
 
 
 def validation_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
-    """The ``n`` trials that decide when the seed stops, each tensor (n, 2)."""
+    """Return the ``n`` trials that decide when the seed stops, each tensor (n, 2)."""
     return _draw(_sequence(seed, _VALIDATION), n, task, settings)
 
 
 def retraining_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
-    """The ``n`` trials by which the seed's output layer adapts to a lesion, each tensor (n, 2)."""
+    """Return the ``n`` trials by which the seed's output layer adapts to a lesion, each tensor (n, 2)."""
     return _draw(_sequence(seed, _RETRAINING), n, task, settings)
 
 
+def stacked(trials: Sequence[TrialTensors], device: str = "cpu") -> TrialTensors:
+    """Return the trials (n, 2) of each seed as one, each tensor (seeds, n, 2)."""
+    return TrialTensors(*(torch.stack(parts).to(device) for parts in zip(*trials, strict=True)))
+
+
 def epoch_order(seed: int, epoch: int, n: int) -> NDArray[np.int64]:
-    """The order of the seed's ``n`` trials in ``epoch``: a function of both, so that a resumed run repeats it."""
+    """Return the order (n,) of the seed's trials in ``epoch``: a function of both, so that a resumed run repeats it."""
     return np.random.default_rng(_sequence(seed, _ORDER, epoch)).permutation(n)
 
 

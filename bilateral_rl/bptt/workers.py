@@ -18,7 +18,7 @@ class Workers:
     Kernels and matrix products leave Python's lock, so that threads run side by side.
 
     Args:
-        n: how many; 1 is the calling one, 0 as many as there are CPUs for this process.
+        n: number of threads; 1 is the calling one, 0 as many as there are CPUs for this process.
     """
 
     def __init__(self, n: int = 1) -> None:
@@ -28,19 +28,19 @@ class Workers:
             self._pool = ThreadPoolExecutor(self.n, initializer=torch.set_num_threads, initargs=(1,))
 
     def parts(self, n: int) -> list[range]:
-        """``range(n)`` cut into a part of nearly equal size for each thread."""
+        """Return ``range(n)`` cut into a part of nearly equal size for each thread."""
         parts = min(n, self.n)
         bounds = [n * i // parts for i in range(parts + 1)]
         return [range(a, b) for a, b in itertools.pairwise(bounds)]
 
     def share(self, jobs: list[Callable[[], Any]]) -> None:
-        """Do every job, and wait for all."""
+        """Do every job, side by side, and wait for all."""
         if self._pool is None:
             for job in jobs:
                 job()
         else:
-            for done in [self._pool.submit(job) for job in jobs]:
-                done.result()
+            for future in [self._pool.submit(job) for job in jobs]:
+                future.result()
 
     def close(self) -> None:
         """Let the threads go."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import torch
 from torch import Tensor
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.rollout import Rollout
-from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
-from bilateral_rl.bptt.trials import retraining_trials
+from bilateral_rl.bptt.rollout_arrays import TrialTensors
+from bilateral_rl.bptt.trials import retraining_trials, stacked
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import SupervisedConfig
 from bilateral_rl.envs.settings import TrialSettings
@@ -31,13 +30,13 @@ class Retraining:
     Every network is trained as if it were alone, on trials of its seed's own that it has not been trained on.
 
     Args:
-        layout: of the networks.
-        task: that they do.
+        layout: layout of the networks' parameters.
+        task: the task that they do.
         trial: how its trials run.
         settings: learning rate, batch and number of trials.
         penalty: kind of the weight penalty in the combined loss.
-        coefficient: of the penalty.
-        threads: CPU threads; 0 for as many as there are.
+        coefficient: the penalty's coefficient λ.
+        threads: number of CPU threads; 0 for as many as there are CPUs.
     """
 
     def __init__(
@@ -56,37 +55,47 @@ class Retraining:
 
     @property
     def updates(self) -> int:
-        """Of one epoch."""
+        """Number of updates in the epoch."""
         return self._settings.trials // self._settings.batch_size
 
     def run(
         self, weights: Tensor, seeds: Sequence[int], lesion: Lesion, on_update: Callable[[int], None] = lambda _: None
     ) -> Tensor:
-        """(S, width): what the networks ``weights`` (S, width) of ``seeds`` become under ``lesion``.
+        """Return what networks become under ``lesion``.
 
-        A network whose loss is no longer a number ends as one whose output layer is not a number either.
+        Args:
+            weights: (S, width), the networks' parameters.
+            seeds: the networks' seeds, whose trials they are trained on.
+            lesion: the lesion of all of them.
+            on_update: called after each update, with how many there were.
+
+        Returns:
+            (S, width), the retrained parameters. A network whose loss was not finite ends with an output layer that is
+            not finite either.
         """
         workers = Workers(self._threads)
         try:
             with one_torch_thread():
-                return self._train(self._rollout(len(seeds), workers), weights, seeds, lesion, on_update)
+                return self._train(workers, weights, seeds, lesion, on_update)
         finally:
             workers.close()
 
     def _train(
         self,
-        rollout: Rollout,
+        workers: Workers,
         weights: Tensor,
         seeds: Sequence[int],
         lesion: Lesion,
         on_update: Callable[[int], None],
     ) -> Tensor:
-        settings, size = self._settings, self._settings.batch_size
+        settings, losses = self._settings, self._losses
+        size = losses.rollout_size(len(seeds), settings.batch_size, self._trial.trial_length)
+        rollout = Rollout(self._layout, self._trial.arm, size, workers=workers)
         rollout.weights.copy_(weights)
         rollout.set_lesions([lesion] * len(seeds))
         optimizer = StackedAdam(
             rollout,
-            self._losses,
+            losses,
             "combined",
             settings.learning_rate,
             settings.epsilon,
@@ -94,28 +103,15 @@ class Retraining:
             trained=TRAINED,
         )
         trials = self._trials(seeds)
-        for batch in range(self.updates):
-            for own, drawn in zip(rollout.trials, trials, strict=True):
-                own.copy_(drawn[:, batch * size : (batch + 1) * size])
+        for update in range(self.updates):
+            rollout.load(trials, first=update * settings.batch_size)
             rollout.forward()
             optimizer.gradient()
             optimizer.step()
-            on_update(batch + 1)
+            on_update(update + 1)
         return rollout.weights.clone()
 
-    def _rollout(self, n_networks: int, workers: Workers) -> Rollout:
-        losses = self._losses
-        size = RolloutSize(
-            n_networks,
-            self._settings.batch_size,
-            self._trial.trial_length,
-            losses.n_streams,
-            losses.watches_state,
-            losses.watches_activity,
-        )
-        return Rollout(self._layout, self._trial.arm, size, workers=workers)
-
     def _trials(self, seeds: Sequence[int]) -> TrialTensors:
+        """Return the trials (S, n, 2) that the networks are trained on."""
         task, n = make_task(self._task), self._settings.trials
-        drawn = [retraining_trials(seed, n, task, self._trial) for seed in seeds]
-        return TrialTensors(*(torch.stack(parts) for parts in zip(*drawn, strict=True)))
+        return stacked([retraining_trials(seed, n, task, self._trial) for seed in seeds])

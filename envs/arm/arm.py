@@ -17,7 +17,7 @@ _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
 
 
 class ArmState(NamedTuple):
-    """State of ``n`` arms."""
+    """State of ``n`` arms, in the arm's dtype."""
 
     joint: Tensor
     """(n, 4): shoulder and elbow angle (rad), their velocities (rad/s)."""
@@ -82,7 +82,7 @@ class Arm:
         return ArmState(joint, muscle, cartesian)
 
     def step(self, state: ArmState, excitation: Tensor, load: Tensor | None = None) -> ArmState:
-        """One Euler step of ``parameters.timestep``.
+        """Return the state one Euler step of ``parameters.timestep`` on.
 
         Args:
             state: the state at t.

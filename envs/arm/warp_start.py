@@ -1,4 +1,4 @@
-"""Starting Warp without a word, on machines without a GPU too."""
+"""Warp starts quietly, on machines without a GPU too."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ import warp as wp
 
 @functools.cache
 def start_warp() -> None:
-    """Initialize Warp once; its banner and its regret about a missing CUDA driver are not shown."""
+    """Initialize Warp once, without its banner and its warning that there is no CUDA driver."""
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
     with contextlib.nullcontext() if _has_cuda_driver() else _muted_stderr():
         wp.init()
 
 
 def launch_place(device: str | torch.device) -> dict[str, Any]:
-    """Where to launch for torch tensors on ``device``: on CUDA, the stream that torch is using."""
+    """Return ``wp.launch``'s arguments for torch tensors on ``device``: on CUDA, the stream that torch is using."""
     if torch.device(device).type == "cuda":
         return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device))}
     return {"device": str(device)}
 
 
 def _has_cuda_driver() -> bool:
+    """Return whether the CUDA driver's library can be loaded."""
     try:
         ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
     except OSError:
@@ -39,7 +40,10 @@ def _has_cuda_driver() -> bool:
 
 @contextlib.contextmanager
 def _muted_stderr() -> Iterator[None]:
-    """The driver's absence is reported by native code, past Python's streams and past Warp's log level."""
+    """Return a context in which nothing is written to file descriptor 2.
+
+    Native code reports the missing driver, past Python's streams and past Warp's log level.
+    """
     sys.stderr.flush()
     saved, sink = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
