@@ -79,13 +79,13 @@ class Rollout:
     ) -> None:
         self.layout, self.size, self.device, self.real = layout, size, device, _REAL[dtype]
         self._workers = workers or Workers()
+        parameters = kernel_parameters(arm, self.real)  # starts Warp, which arrays need
         kernels = rollout_kernels(self.real, layout.shape)
         arrays = self._arrays = RolloutArrays(layout, size, kernels, dtype, device)
         self.weights, self.trials, self.gradient = arrays.weights, arrays.trials, arrays.gradient
         self.joint, self.muscle, self.hand, self.hidden = arrays.joint, arrays.muscle, arrays.hand, arrays.hidden
         self.excitation, self.terms = arrays.excitation, arrays.terms
         self.observation = arrays.observation.view(*arrays.terms.shape[:3], -1)[..., : layout.shape.n_inputs]
-        parameters = kernel_parameters(arm, self.real)
         self._forward = self._record(kernels.roll, parameters, arrays.forward_structs)
         self._backward = []
         if size.n_streams:
