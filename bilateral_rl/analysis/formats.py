@@ -18,27 +18,27 @@ _SMALLEST_P = 0.001
 
 
 def number(value: float, sign: str = "") -> str:
-    """A number in three significant digits, from 100 on to one decimal."""
+    """Write a number in three significant digits, from 100 on to one decimal."""
     return "–" if math.isnan(value) else f"{value:{sign}{'.3g' if abs(value) < 100 else '.1f'}}"
 
 
 def fixed(value: float, decimals: int, sign: str = "") -> str:
-    """A number to so many decimals."""
+    """Write a number to so many decimals."""
     return "–" if math.isnan(value) else f"{value:{sign}z.{decimals}f}"
 
 
 def decimals_for(size: float, digits: int) -> int:
-    """How many decimals show a number as large as ``size`` in ``digits`` significant digits, 0 to 6."""
+    """Return how many decimals, 0 to 6, show a number as large as ``size`` in ``digits`` significant digits."""
     return min(max(digits - 1 - math.floor(math.log10(size)), 0), _MOST_DECIMALS) if size > 0 else 0
 
 
 def mean_sd(values: ArrayLike, decimals: int | None = None, sign: str = "") -> str:
-    """Mean ± standard deviation of the values that are numbers, and of how many seeds if that is not all.
+    """Write mean ± standard deviation of the finite values, and of how many seeds they are if not of all.
 
     Args:
         values: (n,), one a seed; NaN where a seed has none.
         decimals: of both numbers; None for those that show the deviation in two significant digits.
-        sign: see the module.
+        sign: "+" for a mean that carries its sign, "" otherwise.
     """
     numbers, n = finite(values), np.size(values)
     if not len(numbers):
@@ -58,17 +58,17 @@ def mean_sd(values: ArrayLike, decimals: int | None = None, sign: str = "") -> s
 
 
 def p_value(p: float) -> str:
-    """A p-value to three decimals, for a column of them."""
+    """Write a p-value to three decimals, for a column of them."""
     return f"< {_SMALLEST_P}" if p < _SMALLEST_P else fixed(p, 3)
 
 
 def p_equation(p: float) -> str:
-    """A p-value in running text: "p = 0.012", "p < 0.001" or "no test"."""
+    """Write a p-value for running text: "p = 0.012", "p < 0.001" or "no test"."""
     if math.isnan(p):
         return "no test"
     return f"p {p_value(p)}" if p < _SMALLEST_P else f"p = {p_value(p)}"
 
 
 def f_statistic(test: OmnibusTest) -> str:
-    """The statistic of an analysis of variance with its degrees of freedom: "F(6, 63) = 4.20"."""
+    """Write the statistic of an analysis of variance with its degrees of freedom: "F(6, 63) = 4.20"."""
     return f"F({', '.join(f'{value:.4g}' for value in test.df)}) = {test.statistic:.2f}"

@@ -1,4 +1,4 @@
-"""Trials of a trained policy, and what they show."""
+"""Trials of a trained policy: what is recorded of them, and what they come to."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Float32 = NDArray[np.float32]
 
 
 class NotFiniteError(UserError, ValueError):
-    """A network or an arm whose numbers grew out of range, so that nothing can be measured."""
+    """The numbers of a network or an arm grew out of range, so that nothing can be measured."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,11 @@ class Evaluator:
     """The same trials, again and again: arm i does the first trial of seed ``seed + i``.
 
     Args:
-        task: which task.
+        task: id of the task.
         settings: how trials run.
-        trials: how many.
-        seed: of the trials.
-        device: where the arms are simulated.
+        trials: number of trials.
+        seed: seed of the first trial.
+        device: where the arms are simulated, "cpu" or a CUDA device.
     """
 
     def __init__(self, task: str, settings: TrialSettings, trials: int, seed: int, device: str = "cpu") -> None:
@@ -99,7 +99,15 @@ class Evaluator:
         self._seeds = [seed + i for i in range(trials)]
 
     def run(self, policy: MotorPolicy, deterministic: bool = True) -> TrialRecord:
-        """Every trial once, under ``policy``. Raises NotFiniteError where its actions or the arms are no numbers."""
+        """Do every trial once.
+
+        Args:
+            policy: acts in all trials at once.
+            deterministic: whether it acts without exploration.
+
+        Raises:
+            NotFiniteError: the policy's actions, or the arms' states, are not finite.
+        """
         with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"):
             record = self._run(policy, deterministic)
         if not np.isfinite(record.hand).all() or not np.isfinite(record.vector_return).all():
@@ -141,7 +149,7 @@ def _action(policy: MotorPolicy, observation: Float32, deterministic: bool) -> F
     except ValueError as error:
         if "Normal" not in str(error):
             raise
-        action = np.array(np.nan)  # torch's Gaussians refuse to be of what is not finite
+        action = np.array(np.nan)  # torch's Gaussians refuse means that are not finite
     if not np.isfinite(action).all():
         raise NotFiniteError("This policy cannot be tested: its actions are not finite numbers.")
     return action

@@ -23,7 +23,7 @@ NON_DOMINANT_STYLE = ModelStyle("#c98a2b", "s", (0, (4, 1.5)))
 
 
 class Contributions(NamedTuple):
-    """What the sides add to each other before the output layer, (n, T, units / 2) each: n trials of T steps."""
+    """What each side adds to the sum before the output layer, (n, T, units / 2) in n trials of T steps."""
 
     dominant: Floating
     non_dominant: Floating

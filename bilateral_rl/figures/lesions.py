@@ -1,4 +1,4 @@
-"""What lesions do to models."""
+"""Effects of lesions on models."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ def lesion_effects(results: pd.DataFrame, task: str, metric: MetricLike, models:
 def _panel(axes: Axes, rows: pd.DataFrame, metric: MetricLike, states: Sequence[Sequence[State]]) -> list[Interval]:
     """Draw the states of one model, a place a lesion."""
     means = []
-    for x, of_lesion in enumerate(states):
-        for state in of_lesion:
-            shift = (_SHIFT if state.retrained else -_SHIFT) * (len(of_lesion) > 1)
+    for x, treatments in enumerate(states):
+        for state in treatments:
+            shift = (_SHIFT if state.retrained else -_SHIFT) * (len(treatments) > 1)
             values = by_seed(rows, metric.name, state)
             style = model_style(state.model)._replace(marker="o")
             means.append(draw_seeds(axes, x + shift, values, style, width=0.26, size=5, filled=state.retrained))
