@@ -2,7 +2,6 @@
 
 import os
 import re
-import runpy
 import signal
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
+from made_up_results import make_results
 
 from bilateral_rl.commands import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
@@ -22,7 +22,6 @@ from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
 
-make_results = runpy.run_path(str(Path(__file__).parents[1] / "claims" / "conftest.py"))["_results"]
 QUICK = ("reproduce", "--quick", "--jobs", 4, "--out", "study")
 
 

@@ -1,17 +1,14 @@
 """Which figures a study comes to; how each looks is the business of the figures' own tests."""
 
-import runpy
-from pathlib import Path
-
 import pandas as pd
 import pytest
+from made_up_results import make_results
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.study.drawing import compared_metrics, draw_study
 from bilateral_rl.training.run import train
 
 RADII = {"random_reach": 0.05, "hold_position": 0.05}
-make_results = runpy.run_path(str(Path(__file__).parents[1] / "claims" / "conftest.py"))["_results"]
 OF_MODELS = {
     "models_random_reach",
     "posthoc_random_reach_goal_completion_5cm_games_howell",

@@ -1,10 +1,8 @@
 """What follows from results: verdicts, tables, figures and the report, whatever is missing."""
 
-import runpy
-from pathlib import Path
-
 import pandas as pd
 import pytest
+from made_up_results import make_results
 
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
@@ -15,7 +13,6 @@ from bilateral_rl.study.plan import RADII, Study
 from bilateral_rl.study.reproduction import conclude
 
 STUDY = Study()
-make_results = runpy.run_path(str(Path(__file__).parents[1] / "claims" / "conftest.py"))["_results"]
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,6 @@ from statistics import NormalDist
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from bilateral_rl.analysis.results import COLUMNS
 
@@ -60,7 +59,7 @@ def standard_noise(n, rng):
     return rng.permutation(values / values.std(ddof=1))
 
 
-def _results(changes=None, noise=0.004, seeds=10, without=()):
+def make_results(changes=None, noise=0.004, seeds=10, without=()):
     """Results in which every group has its mean, or that in ``changes``, and ``noise`` times it as spread.
 
     ``changes`` go by (model, name of the measure, lesion), networks that were not retrained have half the performance
@@ -76,8 +75,3 @@ def _results(changes=None, noise=0.004, seeds=10, without=()):
             rows += [(model, task, "bptt", seed, lesion, retrained, metric, v) for seed, v in enumerate(values)]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     return table[~table["model"].isin(without)].reset_index(drop=True)
-
-
-@pytest.fixture(scope="session")
-def make_results():
-    return _results
