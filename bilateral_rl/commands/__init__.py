@@ -1,1 +1,1 @@
-"""What each command does, and what it says."""
+"""The commands: each file parses, calls and prints for one of them."""

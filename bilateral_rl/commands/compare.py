@@ -32,7 +32,7 @@ _NO_TREATMENT = ("seed", "seeds", "device", "threads", "init_from", "track", "ev
 
 @dataclass(frozen=True)
 class _Chosen:
-    """A run, or one seed of it."""
+    """A run that is to be compared, or the network of one seed of it."""
 
     folder: RunFolder
     only: int | None
@@ -49,18 +49,31 @@ class _Chosen:
 def compare_runs(
     *, runs: Sequence[str], metrics: Sequence[str] | None, trials: int, seed: int, csv: Path | None, console: Console
 ) -> None:
-    """Compare several runs' models, or the lesions of one, seeds as the unit."""
+    """Compare several runs' models, or the lesions of one, with seeds as the unit.
+
+    Args:
+        runs: each RUN or RUN:SEED; one alone is compared by its lesions.
+        metrics: names of the metrics; None for the task's preferred one.
+        trials: number of trials of each test of a model.
+        seed: seed of the first trial.
+        csv: file for one row a pair; "-" for the terminal, None for no file.
+        console: where to print.
+
+    Raises:
+        UserError: runs that cannot be compared, lesions that are missing or stale, or a file that cannot be written;
+            the comparison is printed all the same.
+    """
     check_trials(trials, seed)
     console = apart_from(console, csv)
     chosen = [_Chosen(folder, only, folder.config()) for folder, only in map(parse_run, runs)]
     tasks = {one.config.task for one in chosen}
     if len(tasks) > 1:
         raise UserError(f"Runs of different tasks cannot be compared: {', '.join(sorted(tasks))}.")
-    wanted = _metrics(metrics, chosen[0].config)
+    found_metrics = _metrics(metrics, chosen[0].config)
     if len(chosen) == 1:
-        _compare_lesions(chosen[0], wanted, csv, console)
+        _compare_lesions(chosen[0], found_metrics, csv, console)
     else:
-        _compare_models(chosen, wanted, trials, seed, csv, console)
+        _compare_models(chosen, found_metrics, trials, seed, csv, console)
 
 
 def _metrics(names: Sequence[str] | None, config: TrainConfig) -> list[Metric]:
@@ -89,7 +102,11 @@ def _compare_models(
 
 
 def _labels(chosen: Sequence[_Chosen]) -> list[str]:
-    """The group of each: runs of one model are seeds of one group, unless they share a seed or differ in more."""
+    """The labels of their groups: runs of one model are seeds of one group, unless they share a seed or differ in more.
+
+    Raises:
+        UserError: all are seeds of one model, or a network is there twice.
+    """
     _check_each_seed_is_there_once(chosen)
     several = len({one.config.algo for one in chosen}) > 1
     models = [f"{one.config.model} ({one.config.algo})" if several else one.config.model for one in chosen]
@@ -110,6 +127,7 @@ def _labels(chosen: Sequence[_Chosen]) -> list[str]:
 
 
 def _are_one_group(members: Sequence[_Chosen]) -> bool:
+    """Whether these are different seeds of one treatment."""
     seeds = [seed for one in members for seed in one.seeds]
     treatments = [
         {name: value for name, value in one.config.to_values().items() if name not in _NO_TREATMENT}

@@ -19,18 +19,18 @@ from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.policies.lesions import lesion_words
 
 _TESTS = {"p_tukey": "Tukey", "p_games_howell": "Games–Howell", "p_holm": "p"}
-"""Heads of the columns of ``pairs``."""
+"""Headings of the p-values of pairs, by their column in ``Comparison.pairs``."""
 
 
-def print_comparison(comparison: Comparison, of: str, console: Console) -> None:
-    """Print the groups, the tests, the pairs and what must be said of them.
+def print_comparison(comparison: Comparison, subtitle: str, console: Console) -> None:
+    """Print the groups, the tests, the pairs, and notes on them.
 
     Args:
         comparison: what was compared.
-        of: words about it for the title; may be empty.
-        console: where to.
+        subtitle: words about it for the title; may be empty.
+        console: where to print.
     """
-    title = ", ".join(part for part in (comparison.task, of) if part)
+    title = ", ".join(part for part in (comparison.task, subtitle) if part)
     console.print(f"[bold]{escape(f'{title}: {with_unit(find_metric(comparison.metric))}')}", highlight=False)
     decimals = _decimals(comparison.groups)
     console.print(_groups_table(comparison, decimals))
@@ -43,7 +43,7 @@ def print_comparison(comparison: Comparison, of: str, console: Console) -> None:
 
 
 def print_methods(comparison: Comparison, console: Console) -> None:
-    """Say how the numbers of comparisons of this kind were computed."""
+    """Print how the numbers of comparisons of this kind were computed."""
     words = (
         "Intervals: 95 %, bootstrap over the seeds, too narrow where these are few (of ten they cover nine times in "
         "ten): go by the tests. g: Hedges' g; p: Tukey's HSD and Games–Howell."

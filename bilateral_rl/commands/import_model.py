@@ -17,7 +17,19 @@ from bilateral_rl.runs.sb3_import import import_model
 def import_zip(
     *, path: Path, task: str, trust_pickle: bool, overrides: Sequence[str], out: Path, console: Console
 ) -> None:
-    """Make a run of a model that stable-baselines3 saved."""
+    """Make a run of a model that stable-baselines3 saved.
+
+    Args:
+        path: the zip file.
+        task: the task that the model was trained for.
+        trust_pickle: whether to load it, although that executes whatever its author wants.
+        overrides: settings that the file does not tell, as ``--set`` takes them.
+        out: folder of all runs.
+        console: where to print.
+
+    Raises:
+        UserError: a file that is no such model, or that is not trusted.
+    """
     if not path.is_file():
         raise UserError(f"There is no file {path}; `import` takes a model saved by stable-baselines3.")
     if not trust_pickle:
@@ -26,8 +38,8 @@ def import_zip(
             "you trust where it comes from."
         )
     folder = import_model(path, task, settings.parse_overrides(overrides), out)
-    config, shown = folder.config(), escape(shlex.quote(str(folder.path)))
+    config, run = folder.config(), escape(shlex.quote(str(folder.path)))
     console.print(
-        f"Imported as {config.model}, trained by {config.algo}, into [bold]{shown}[/bold]. Next:", soft_wrap=True
+        f"Imported as {config.model}, trained by {config.algo}, into [bold]{run}[/bold]. Next:", soft_wrap=True
     )
-    console.print(f"  bilateral-rl evaluate {shown}", soft_wrap=True, highlight=False)
+    console.print(f"  bilateral-rl evaluate {run}", soft_wrap=True, highlight=False)

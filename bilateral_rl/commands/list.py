@@ -16,7 +16,7 @@ from bilateral_rl.runs.folder import find_runs
 
 
 def list_all(out: Path, console: Console) -> None:
-    """Print what there is to choose from, and the runs."""
+    """Print the models, tasks and algorithms, and the runs below ``out``."""
     models = Table("model", "architecture", "trained by", "", title="Models", title_justify="left")
     for name, model in MODELS.items():
         models.add_row(name, model.architecture, model.loss, model.description)

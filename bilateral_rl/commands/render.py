@@ -24,7 +24,7 @@ from bilateral_rl.video.film import Film
 MIN_SIZE = 320
 """Side of a picture in which captions can still be read (pixels)."""
 MIN_FPS, MAX_FPS = 5, 50
-"""What players show well; a picture is a step."""
+"""Pictures a second that players show well; a picture is a step."""
 
 
 def render(
@@ -39,25 +39,25 @@ def render(
     size: int,
     console: Console,
 ) -> Path:
-    """Write a video of controllers doing the same trials, those that ``evaluate`` tests with the same seed.
+    """Write a video of networks that do the same trials, those that ``evaluate`` tests with the same seed.
 
     Args:
         runs: each RUN or RUN:SEED; of several seeds the first is shown if none is named.
         out: an .mp4 or .gif; None for :func:`default_path`. An earlier video of this command is replaced, and
             nothing else.
-        trials: how many, one after another.
-        seed: trial i is the first one of ``seed + i``.
-        lesion: "intact" or one of the paper's (section 6), for every network.
+        trials: number of trials, one after another.
+        seed: seed of the first trial; trial i is the first one of ``seed + i``.
+        lesion: "intact" or a lesion of the paper (section 6), for every network.
         weights: which of each run's weights.
         slow_down: seconds of video for a second of the arm's time.
-        size: side of each controller's picture (pixels, even).
-        console: for notes, progress and where the video is.
+        size: side of each network's picture (pixels, even).
+        console: where to print.
 
     Returns:
-        Where the video is.
+        The path of the video.
 
     Raises:
-        UserError: what cannot be shown, or not together, or not be written; no file is left then.
+        UserError: runs that cannot be shown, or not together, or a file that cannot be written; none is left then.
     """
     _check_arguments(runs, trials, seed, lesion, size)
     actors = [Actor.load(run, weights) for run in runs]
@@ -84,7 +84,7 @@ def render(
 
 
 def default_path(actors: Sequence[Actor], lesion: str, weights: str) -> Path:
-    """Beside the first run's folder, which stays as it is: ``RUN[-seedN][+…][-weights][-lesion].mp4``."""
+    """The default path of the video, beside the first run's folder: ``RUN[-seedN][+…][-weights][-lesion].mp4``."""
     unusual = [what for what, usual in ((weights, FINAL), (lesion, INTACT)) if what != usual]
     name = "-".join(["+".join(actor.name for actor in actors), *unusual])
     return actors[0].path.parent / f"{name}.mp4"

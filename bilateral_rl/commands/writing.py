@@ -1,4 +1,4 @@
-"""Files that commands write: whole or not at all, - for the terminal, and numbers that JSON can hold."""
+"""Files that commands write: whole or not at all; ``-`` is the terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bilateral_rl.io.terminal import Terminal
 
 
 def apart_from(console: Console, *paths: Path | None) -> Console:
-    """Where to print for people: not among data that go to the terminal, so that these can be piped on."""
+    """The console for people: standard error where data go to the terminal, so that these can be piped on."""
     return Terminal(stderr=True) if any(str(path) == "-" for path in paths) else console
 
 
@@ -36,7 +36,7 @@ def write(path: Path, text: str) -> None:
 
 
 def finite(value: Any) -> Any:
-    """``value`` with None for numbers that JSON cannot hold."""
+    """Put None in the place of numbers that JSON cannot hold, in ``value`` and in dictionaries in it."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -2,15 +2,16 @@
 
 import io
 import itertools
-import re
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
 
+from bilateral_rl.analysis.comparison import compare, compare_lesions
+from bilateral_rl.analysis.formats import f_statistic
 from bilateral_rl.analysis.metrics import find_metric
-from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.analysis.results import COLUMNS, State, read_results
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.runs.policies import load_policies
 
@@ -19,7 +20,7 @@ EFFORT = ["--metric", "effort"]
 
 
 def values(run, metric="effort"):
-    """Of each seed of a run, computed by hand from the trials of ``TRIALS``."""
+    """The values of a run's seeds, computed by hand from the trials of ``TRIALS``."""
     config = run.config()
     evaluator = Evaluator(config.task, config.trial, 4, 3)
     return [find_metric(metric).value(evaluator.run(policy)) for policy in load_policies(run).values()]
@@ -32,6 +33,11 @@ def compared(call, tmp_path, *arguments):
     return " ".join(out.split()), out, pd.read_csv(tmp_path / "pairs.csv")
 
 
+def assert_same_pairs(written, expected):
+    expected = expected.reset_index(drop=True).astype({"note": object})
+    pd.testing.assert_frame_equal(written.astype({"note": object}).fillna({"note": ""}), expected, check_dtype=False)
+
+
 def groups(out):
     """Mean, standard deviation and seeds of each group in the first table."""
     first = out.split("└")[0]
@@ -42,35 +48,24 @@ def groups(out):
 # Models
 
 
-def test_the_numbers_are_those_of_scipy(call, make_run, tmp_path):
+def test_groups_tests_and_pairs_are_those_of_the_seeds_values(call, make_run, tmp_path):
     models = ["uni_b", "bi_s", "cc_ns"]
     runs = [make_run(model, seeds=n) for model, n in zip(models, (5, 6, 5), strict=True)]
     text, out, pairs = compared(call, tmp_path, *[run.path for run in runs], *TRIALS, *EFFORT)
-    samples = dict(zip(models, map(values, runs), strict=True))
-    anova, welch = (stats.f_oneway(*samples.values(), equal_var=equal) for equal in (True, False))
-    for head, test in (("one-way ANOVA: F(2, 13)", anova), ("Welch's ANOVA: F(2, ", welch)):
-        found = re.search(re.escape(head) + r"[^=]* = ([\d.]+), p [=<] ([\d.]+)", text)
-        assert found, text
-        assert float(found[1]) == pytest.approx(test.statistic, abs=0.0051)
-        assert float(found[2]) == pytest.approx(max(test.pvalue, 0.001), abs=0.00051)
-    tukey, howell = (stats.tukey_hsd(*samples.values(), equal_var=equal).pvalue for equal in (True, False))
-    assert list(zip(pairs["first"], pairs["second"], strict=True)) == list(itertools.combinations(models, 2))
-    for row, (i, j) in zip(pairs.to_dict("records"), itertools.combinations(range(3), 2), strict=True):
-        a, b = samples[models[i]], samples[models[j]]
-        assert row["difference"] == pytest.approx(np.mean(a) - np.mean(b))
-        assert row["p_tukey"] == pytest.approx(tukey[i, j], abs=1e-6)
-        assert row["p_games_howell"] == pytest.approx(howell[i, j], abs=1e-6)
-        df = len(a) + len(b) - 2
-        pooled = np.sqrt(((len(a) - 1) * np.var(a, ddof=1) + (len(b) - 1) * np.var(b, ddof=1)) / df)
-        # The usual approximation of the small-sample correction.
-        assert row["g"] == pytest.approx((1 - 3 / (4 * df - 1)) * row["difference"] / pooled, rel=0.01)
-        assert row["low"] < row["difference"] < row["high"]
-        assert row["metric"] == "effort"
+    rows = [
+        (model, "random_reach", "bptt", seed, "intact", False, "effort", value)
+        for model, run in zip(models, runs, strict=True)
+        for seed, value in enumerate(values(run))
+    ]
+    expected = compare(pd.DataFrame(rows, columns=list(COLUMNS)), "effort", "random_reach")
+    assert_same_pairs(pairs, expected.pairs.assign(metric="effort"))
     assert list(groups(out)) == models
     for model, (mean, sd, n) in groups(out).items():
-        assert n == len(samples[model])
-        assert float(mean) == pytest.approx(np.mean(samples[model]), rel=0.05)
-        assert float(sd) == pytest.approx(np.std(samples[model], ddof=1), rel=0.1)
+        assert n == expected.groups.loc[model, "n"]
+        assert float(mean) == pytest.approx(expected.groups.loc[model, "mean"], rel=0.05)
+        assert float(sd) == pytest.approx(expected.groups.loc[model, "sd"], rel=0.1)
+    assert f"one-way ANOVA: {f_statistic(expected.anova)}, p " in text
+    assert f"Welch's ANOVA: {f_statistic(expected.welch)}, p " in text
     assert "Note" not in out
     assert text.startswith("random_reach: Effort (s)")
     assert "bootstrap over the seeds" in text
@@ -188,21 +183,14 @@ def lesioned(make_run):
 
 def test_one_run_compares_its_lesions_paired_by_seed(call, lesioned, tmp_path):
     text, out, pairs = compared(call, tmp_path, lesioned.path)
-    names = list(itertools.combinations(STATES, 2))
-    assert list(pairs["retrained"]) == [False] * 3 + [True] * 3
-    assert set(pairs["metric"]) == {"time_in_goal_5cm"}
-    for retrained in (False, True):
-        table = pairs[pairs["retrained"] == retrained]
-        samples = {name: np.array(v) + 0.5 * retrained * np.arange(6) for name, v in STATES.items()}
-        assert list(zip(table["first"], table["second"], strict=True)) == names
-        p = [stats.ttest_rel(samples[first], samples[second]).pvalue for first, second in names]
-        assert table["p_paired"].tolist() == pytest.approx(p)
-        steps = [factor * value for factor, value in zip((3, 2, 1), sorted(p), strict=True)]
-        holm = dict(zip(sorted(p), np.minimum(np.maximum.accumulate(steps), 1), strict=True))
-        assert table["p_holm"].tolist() == pytest.approx([holm[value] for value in p])
-        for row in table.to_dict("records"):
-            interval = stats.ttest_rel(samples[row["first"]], samples[row["second"]]).confidence_interval()
-            assert (row["low"], row["high"]) == pytest.approx((interval.low, interval.high))
+    table = read_results(lesioned.path.with_name("bi_s-bptt-1-lesions") / "lesions.csv")
+    expected = [
+        compare_lesions(table, "time_in_goal_5cm", State("hold_position", "bi_s", retrained=again)).pairs.assign(
+            metric="time_in_goal_5cm", retrained=again
+        )
+        for again in (False, True)
+    ]
+    assert_same_pairs(pairs, pd.concat(expected))
     for words in ("without retraining", "retrained"):
         assert f"hold_position, bi_s, {words}: Time within 5 cm (steps)" in text
     assert groups(out) == {"intact": ("31.4", "2.5", 6), "deep dominant": ("11.1", "1.0", 6),

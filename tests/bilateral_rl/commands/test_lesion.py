@@ -6,15 +6,12 @@ import re
 import shutil
 from types import SimpleNamespace
 
-import numpy as np
 import pandas as pd
 import pytest
-from matplotlib import image
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from bilateral_rl.analysis.results import COLUMNS, State, by_seed, read_results
-from bilateral_rl.analysis.specialization import specialization_index
 from bilateral_rl.commands import lesion as command
 from bilateral_rl.policies.lesions import LESIONS
 from bilateral_rl.runs.folder import RunFolder
@@ -92,21 +89,9 @@ def test_the_file_holds_the_rows_of_the_study(lesioned, results):
 def test_tensorboard_holds_the_means_over_the_seeds_by_epochs_of_retraining(lesioned, results):
     found = scalars(lesioned.place)
     assert len(found) == 8 * results["metric"].nunique()
-    for metric in (*METRICS, "effort"):
-        for name in ("intact", *LESIONS):
-            means = [of_model(results, metric, name, retrained).mean() for retrained in (False, True)]
-            values = found[f"lesions_{metric}/{name}"]
-            assert list(values) == [0, 1]
-            assert list(values.values()) == pytest.approx(means, rel=1e-6)
-
-
-def test_the_figures_are_pictures(lesioned):
-    pictures = [image.imread(lesioned.place / f"lesions_{metric}.png") for metric in METRICS]
-    for picture, metric in zip(pictures, METRICS, strict=True):
-        assert min(picture.shape[:2]) > 300
-        assert picture[..., :3].std() > 0.05
-        assert (lesioned.place / f"lesions_{metric}.pdf").read_bytes().startswith(b"%PDF")
-    assert not np.array_equal(*pictures)
+    for name in ("intact", "callosum"):
+        means = [of_model(results, "effort", name, retrained).mean() for retrained in (False, True)]
+        assert found[f"lesions_effort/{name}"] == pytest.approx(dict(enumerate(means)), rel=1e-6)
 
 
 # What it prints
@@ -130,21 +115,6 @@ def test_the_table_shows_mean_and_standard_deviation_of_every_state(lesioned, re
                 )
     assert re.search(r"lesion +┃ +without retraining +┃ +retrained", lesioned.out)
     assert "mean ± standard deviation over 3 seeds" in lesioned.out
-
-
-def test_the_specialization_index_compares_the_sides_alone_seed_by_seed(lesioned, results):
-    text = " ".join(lesioned.out.split())
-    found = re.search(r"Specialization index: (.*) without retraining, (.*) retrained \(above 0: the dominant", text)
-    assert found
-    for printed, retrained in zip(found.groups(), (False, True), strict=True):
-        alone = [
-            of_model(results, "goal_completion_5cm", f"deep_{side}", retrained) for side in ("non_dominant", "dominant")
-        ]
-        index = pd.Series(specialization_index(*alone)).dropna()
-        if index.empty:
-            assert printed == "–"
-        else:
-            assert float(printed.split()[0]) == pytest.approx(index.mean(), abs=0.00051)
 
 
 def test_the_sign_of_the_specialization_index(trained, call, undrawn, monkeypatch):
@@ -233,29 +203,14 @@ def test_a_run_is_found_from_inside_it(call, trained, undrawn, tmp_path, monkeyp
     assert (tmp_path / PLACE / "lesions.csv").is_file()
 
 
-@pytest.mark.parametrize(
-    ("model", "task", "states"),
-    [
-        ("uni_ndl", "hold_position", ["intact"]),
-        ("bi_ns", "hold_position", ["intact", *SHALLOW_AND_DEEP]),
-    ],
-)
-def test_other_models_have_the_states_that_they_can_have(call, make_run, undrawn, model, task, states):
-    run = make_run(model, task=task, seeds=2)
+def test_a_network_of_one_side_is_tested_intact_and_has_no_index(call, make_run, undrawn):
+    run = make_run("uni_ndl", task="hold_position", seeds=2)
     code, out, err = call("lesion", run.path, "--trials", 2)
     assert (code, err) == (0, "")
-    results = read_results(run.path.with_name(f"{model}-bptt-1-lesions") / "lesions.csv")
-    assert list(dict.fromkeys(results["lesion"])) == states
+    results = read_results(run.path.with_name("uni_ndl-bptt-1-lesions") / "lesions.csv")
+    assert set(results["lesion"]) == {"intact"}
     assert "Time within 5 cm (steps)" in out
-    assert ("Specialization" in out) == (len(states) > 1)
-
-
-def test_a_run_of_reinforcement_learning_can_be_lesioned(call, make_run, undrawn):
-    run = make_run("bi_s", "ppo", seed=5)
-    code, _, err = call("lesion", run.path, "--trials", 2, "--lesion", "deep_dominant")
-    assert (code, err) == (0, "")
-    results = read_results(run.path.with_name("bi_s-ppo-1-lesions") / "lesions.csv")
-    assert (set(results["algo"]), set(results["seed"]), set(results["retrained"])) == ({"ppo"}, {5}, {False, True})
+    assert "Specialization" not in out
 
 
 def test_values_that_are_no_numbers_are_said(call, make_run, tmp_path):
@@ -308,15 +263,3 @@ def test_a_mistake_is_one_clear_sentence_and_changes_nothing(call, trained, tmp_
 def test_a_link_into_the_run_is_seen_through(call, trained, tmp_path):
     (tmp_path / "link").symlink_to(trained.path / "weights")
     assert "lies in the run" in unchanged(call, tmp_path, RUN, "--out", "link")
-
-
-def test_a_lesion_that_the_model_cannot_have_is_refused(call, make_run, tmp_path):
-    run = make_run("bi_s")
-    err = unchanged(call, tmp_path, run.path, "--lesion", "callosum")
-    assert all(name in err for name in SHALLOW_AND_DEEP)
-
-
-def test_a_run_with_noise_can_only_be_tested(call, make_run, undrawn, tmp_path):
-    run = make_run("bi_s", "ppo", trial={"motor_noise": 1})
-    assert "--no-retrain" in unchanged(call, tmp_path, run.path)
-    assert call("lesion", run.path, "--no-retrain", "--trials", 2)[0] == 0
