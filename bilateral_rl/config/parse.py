@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import math
-import types
 import typing
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import parse_yaml
@@ -42,64 +42,73 @@ def parse_overrides(items: Sequence[str]) -> Values:
     return values
 
 
-def build(cls: type[Any], values: Mapping[str, Any], prefix: str = "") -> Any:
-    """An instance of the dataclass ``cls``, nested dataclasses included, from nested dictionaries.
+T = TypeVar("T")
 
-    Args:
-        cls: the dataclass.
-        values: its fields by name.
-        prefix: where it stands in the whole configuration, for messages.
+
+def build(cls: type[T], values: Mapping[str, Any]) -> T:
+    """Return an instance of the dataclass ``cls``, nested dataclasses included, from nested dictionaries.
 
     Raises:
-        UserError: an unknown name, a value of the wrong type, or one that the dataclass refuses.
+        UserError: an unknown name, a value of the wrong type or outside its bounds, or one that the dataclass refuses.
     """
-    if not isinstance(values, Mapping):
-        raise UserError(f"{prefix.rstrip('.')} must hold settings by name, got {values!r}.")
-    hints = typing.get_type_hints(cls)
-    names = [f.name for f in dataclasses.fields(cls)]
-    arguments = {}
-    for name, value in values.items():
-        if name not in names:
-            place = f"in {prefix.rstrip('.')}" if prefix else "among the settings"
-            raise UserError(f"Unknown setting {name!r} {place}; choose from {', '.join(names)}.")
-        arguments[name] = _convert(hints[name], value, f"{prefix}{name}")
     try:
-        return cls(**arguments)
-    except ValueError as error:
-        raise UserError(f"{prefix}{error}") from None
+        return TypeAdapter(cls).validate_python(values)
+    except ValidationError as error:
+        raise UserError(_sentence(cls, error.errors(include_url=False)[0])) from None
 
 
-def _convert(hint: Any, value: Any, name: str) -> Any:
-    if dataclasses.is_dataclass(hint):
-        return build(typing.cast(type[Any], hint), value, f"{name}.")
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin in (typing.Union, types.UnionType):
-        return None if value is None else _convert(arguments[0], value, name)
-    if origin is tuple:
-        if not isinstance(value, (list, tuple)):
-            raise UserError(f"{name} must be a list, got {value!r}.")
-        return tuple(_convert(arguments[0], item, name) for item in value)
-    return _convert_scalar(hint, value, name)
+def _sentence(cls: type[Any], error: ErrorDetails) -> str:
+    """Say what pydantic found wrong: where, what was expected, and what there is."""
+    path = [str(part) for part in error["loc"] if not isinstance(part, int)]
+    name, kind, value = ".".join(path), error["type"], error["input"]
+    if kind in ("unexpected_keyword_argument", "invalid_key"):
+        where = f"in {'.'.join(path[:-1])}" if path[:-1] else "among the settings"
+        names = [f.name for f in dataclasses.fields(_field_type(cls, path[:-1]))]
+        return f"Unknown setting {path[-1] if path else error['loc'][-1]!r} {where}; choose from {', '.join(names)}."
+    if kind == "value_error":
+        separator = "." if dataclasses.is_dataclass(_field_type(cls, path)) else " "
+        return f"{name}{separator if name else ''}{error['ctx']['error']}."
+    if kind == "literal_error":
+        choices = error["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
+        return f"Unknown {name} {value!r}; choose from {choices}."
+    context: dict[str, object] = {"length": len(typing.get_args(_field_type(cls, path)))}
+    context |= {key: _shown(bound) for key, bound in error.get("ctx", {}).items()}
+    for beginning, expected in _EXPECTED.items():
+        if kind.startswith(beginning):
+            return f"{name} must be {expected.format_map(context)}, got {_shown(value)}."
+    return f"{name} cannot be {_shown(value)}: {error['msg']}."
 
 
-def _convert_scalar(hint: Any, value: Any, name: str) -> Any:
-    if (hint is str and isinstance(value, str)) or (hint is bool and isinstance(value, bool)):
-        return value
-    number = _as_number(value) if hint in (int, float) else math.nan
-    if hint is float and math.isfinite(number):
-        return number
-    if hint is int and math.isfinite(number) and number.is_integer():
-        return int(value) if isinstance(value, int) else int(number)
-    wanted = {int: "a whole number", float: "a finite number", str: "a word", bool: "true or false"}[hint]
-    raise UserError(f"{name} must be {wanted}, got {value!r}.")
+_EXPECTED = {
+    "dataclass": "settings by name",
+    "int": "a whole number",
+    "float": "a finite number",
+    "finite": "a finite number",
+    "bool": "true or false",
+    "string": "a word",
+    "tuple": "a list",
+    "missing": "a list of {length} numbers",
+    "too_short": "a list of at least {min_length} number",
+    "too_long": "a list of at most {max_length} numbers",
+    "greater_than_equal": "at least {ge}",
+    "greater_than": "above {gt}",
+    "less_than_equal": "at most {le}",
+    "less_than": "below {lt}",
+}
+"""What each of pydantic's kinds of error expects, by the beginning of its name; longer beginnings come first."""
 
 
-def _as_number(value: Any) -> float:
-    """``value``, which may be a word as which YAML reads 1e-3; nan for what is no number or too large for one."""
-    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
-        with contextlib.suppress(ValueError, OverflowError):
-            return float(value)
-    return math.nan
+def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
+    """Return the type of the field that ``path`` leads to from the dataclass ``cls``."""
+    for part in path:
+        cls = typing.get_type_hints(cls)[part]
+    return cls
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return f"{value:,}" if type(value) in (int, float) else repr(value)
 
 
 def plain(value: Any) -> Any:

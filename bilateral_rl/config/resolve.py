@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib.resources
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
 
-from bilateral_rl.config.catalogue import check_names
-from bilateral_rl.config.checks import check
+from bilateral_rl.config.bounds import check
+from bilateral_rl.config.catalogue import TASK_DESCRIPTIONS, check_names
 from bilateral_rl.config.parse import Values, build, merge
 from bilateral_rl.config.schema import CONFIGS, TrainConfig
 from bilateral_rl.io.errors import UserError
@@ -21,6 +22,9 @@ def resolve(
 ) -> TrainConfig:
     """Build the configuration: the tuned defaults of the algorithm and task, then each of ``layers`` over it.
 
+    A layer may be the whole configuration of another run. If that was of another algorithm or task, what it says only
+    because it is the default there gives way to the defaults here.
+
     Args:
         algo: an algorithm, or None for what the layers say.
         task: a task, or None likewise.
@@ -30,22 +34,64 @@ def resolve(
     Raises:
         UserError: an unknown name or key, a value of the wrong type, or a number that cannot work.
     """
-    values: Values = {}
+    chosen = {name: value for name, value in (("algo", algo), ("task", task), ("model", model)) if value is not None}
+    names = _names_of({name: value for layer in (*layers, chosen) for name, value in layer.items()})
+    check_names(**names)
+    values = tuned_defaults(names["algo"], names["task"])
     for layer in layers:
-        values = merge(values, layer)
-    values |= {k: v for k, v in (("algo", algo), ("task", task), ("model", model)) if v is not None}
-    names = {name: values.get(name, getattr(TrainConfig, name)) for name in ("algo", "model", "task")}
-    check_names(**{name: str(value) for name, value in names.items()})
-    config = from_values(merge(tuned_defaults(names["algo"], names["task"]), values))
+        values = merge(values, _without_defaults(layer) if _is_of_another(layer, names) else layer)
+    config = from_values(values | names)
     check(config)
     return config
 
 
+def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
+    return {name: str(values.get(name, getattr(TrainConfig, name))) for name in ("algo", "model", "task")}
+
+
+def _is_of_another(layer: Mapping[str, Any], names: Mapping[str, str]) -> bool:
+    """Whether ``layer`` is the whole configuration of a run, but of another algorithm or task than ``names``."""
+    algo, task = layer.get("algo"), layer.get("task")
+    if algo not in CONFIGS or task not in TASK_DESCRIPTIONS or (algo, task) == (names["algo"], names["task"]):
+        return False
+    return isinstance(layer.get(algo), Mapping) and layer[algo].keys() >= _defaults(algo, task)[algo].keys()
+
+
+def _without_defaults(layer: Mapping[str, Any]) -> Values:
+    """What the configuration of a run says beyond the tuned defaults of its own algorithm and task.
+
+    Only that was somebody's choice: the rest was tuned for what it is no longer used for.
+    """
+    return _difference(layer, _defaults(layer["algo"], layer["task"]))
+
+
+def _defaults(algo: str, task: str) -> Values:
+    return from_values({"algo": algo} | tuned_defaults(algo, task)).to_values()
+
+
+def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:
+    """Return the entries of ``values`` that ``base`` does not have or has otherwise."""
+    rest: Values = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping) and isinstance(base.get(key), Mapping):
+            if inner := _difference(value, base[key]):
+                rest[key] = inner
+        elif key not in base or value != base[key]:
+            rest[key] = value
+    return rest
+
+
 def tuned_defaults(algo: str, task: str) -> Values:
     """What ``defaults.yaml`` holds for an algorithm and a task."""
-    text = importlib.resources.files("bilateral_rl.config").joinpath("defaults.yaml").read_text(encoding="utf-8")
-    table: Values = yaml.safe_load(text).get(algo, {})
+    table = _defaults_table().get(algo, {})
     return merge(table.get("any_task") or {}, table.get(task) or {})
+
+
+@functools.cache
+def _defaults_table() -> Values:
+    text = importlib.resources.files("bilateral_rl.config").joinpath("defaults.yaml").read_text(encoding="utf-8")
+    table: Values = yaml.safe_load(text)
+    return table
 
 
 def from_values(values: Mapping[str, Any]) -> TrainConfig:
@@ -58,9 +104,7 @@ def from_values(values: Mapping[str, Any]) -> TrainConfig:
         raise UserError(
             f"{foreign[0]} is a setting of another algorithm than {algo}; leave it out or choose the --algo."
         )
-    config = build(cls, values)
-    assert isinstance(config, TrainConfig)
-    return config
+    return build(cls, values)
 
 
 def _names(cls: type[TrainConfig]) -> set[str]:

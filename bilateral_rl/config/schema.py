@@ -1,178 +1,123 @@
-"""The configuration of a training, as typed fields."""
+"""The configuration of a training, as typed fields with their bounds."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 import typing
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass
+
+from bilateral_rl.config.catalogue import MAX_SEEDS, ModelSpec, find_model
+from bilateral_rl.config.hyperparameters import (
+    A2CConfig,
+    AtOnce,
+    Count,
+    CountOrNone,
+    Flag,
+    OffPolicyConfig,
+    OnPolicyConfig,
+    PPOConfig,
+    SACConfig,
+    StreamConfig,
+    SupervisedConfig,
+    TD3Config,
+)
 from bilateral_rl.config.parse import Values, plain
+from bilateral_rl.envs.quantities import STRICT, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, Penalty, Profile
 
+__all__ = [
+    "CONFIGS",
+    "A2CConfig",
+    "A2CRunConfig",
+    "ActorCriticConfig",
+    "BPTTConfig",
+    "EvaluationConfig",
+    "NetworkConfig",
+    "OffPolicyConfig",
+    "OnPolicyConfig",
+    "PPOConfig",
+    "PPORunConfig",
+    "RLConfig",
+    "SACConfig",
+    "SACRunConfig",
+    "StreamConfig",
+    "SupervisedConfig",
+    "TD3Config",
+    "TD3RunConfig",
+    "TrainConfig",
+]
 
-@dataclass(frozen=True)
+MAX_SEED = 2**32 - 1
+MOST_UNITS, MOST_LAYERS, MOST_THREADS = 10_000, 100, 1_000
+
+
+def _device(value: str) -> str:
+    if not re.fullmatch(r"cpu|cuda(:[0-9]{1,3})?", value):
+        raise ValueError(f"must be cpu, cuda or, for one of several, cuda:0 and so on, got {value!r}")
+    return value
+
+
+Seed = Annotated[Whole, Field(ge=0, le=MAX_SEED)]
+Units = Annotated[Whole, Field(ge=1, le=MOST_UNITS)]
+Device = Annotated[str, AfterValidator(_device)]
+
+
+@dataclass(frozen=True, config=STRICT)
 class NetworkConfig:
     """The motor network."""
 
-    units: int = 10
+    units: Units = 10
     """Units per hidden layer, over both sides."""
-    layers: int = 2
+    layers: Annotated[Whole, Field(ge=1, le=MOST_LAYERS)] = 2
     """Hidden layers."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class ActorCriticConfig(NetworkConfig):
     """The motor network as an actor, and its critics."""
 
-    critic_arch: tuple[int, ...] = (64, 64)
+    critic_arch: Annotated[tuple[Units, ...], Field(min_length=1, max_length=MOST_LAYERS)] = (64, 64)
     """Units of each hidden layer of a critic."""
-    log_std_init: float = -0.5
+    log_std_init: Number = -0.5
     """Log of the initial standard deviation of the action, before its squashing."""
 
 
-@dataclass(frozen=True)
-class StreamConfig:
-    """What every hemispheric algorithm takes; the tuned values are in ``defaults.yaml``."""
-
-    learning_rate: float = 3e-4
-    final_learning_rate: float = 0.0
-    """Reached linearly at the last step."""
-    gamma: float = 0.99
-    weight_penalty: float = 0.001
-    """λ of paper section 4."""
-    reward_scale: float = 1.0
-
-
-@dataclass(frozen=True)
-class OnPolicyConfig(StreamConfig):
-    """What PPO and A2C take."""
-
-    n_steps: int = 50
-    """Steps per arm between updates."""
-    gae_lambda: float = 0.95
-    ent_coef: float = 0.0
-    """Too little, and the exploration narrows before the hand finds its way."""
-    final_ent_coef: float = 0.0
-    """Reached linearly at the last step."""
-    vf_coef: float = 0.5
-    max_grad_norm: float = 0.5
-    """Of each parameter group."""
-
-
-@dataclass(frozen=True)
-class PPOConfig(OnPolicyConfig):
-    """Arguments of ``HemisphericPPO``."""
-
-    batch_size: int = 5120
-    n_epochs: int = 5
-    clip_range: float = 0.2
-
-
-@dataclass(frozen=True)
-class A2CConfig(OnPolicyConfig):
-    """Arguments of ``HemisphericA2C``."""
-
-    n_steps: int = 5
-    gae_lambda: float = 1.0
-    normalize_advantage: bool = False
-    use_rms_prop: bool = True
-    """RMSprop as in the original A2C; otherwise Adam."""
-
-
-@dataclass(frozen=True)
-class OffPolicyConfig(StreamConfig):
-    """What SAC and TD3 take."""
-
-    final_learning_rate: float = 3e-4
-    buffer_size: int = 500_000
-    """Steps kept, over all arms."""
-    learning_starts: int = 10_000
-    """Steps with random actions before the first update."""
-    batch_size: int = 256
-    tau: float = 0.005
-    train_freq: int = 1
-    """Steps per arm between updates."""
-    gradient_steps: int = 1
-    """Updates at a time."""
-    critic_warm_up: int = 0
-    """Updates of the critics before the first of the network."""
-    n_critics: int = 2
-    """Of each reward stream; the smallest value counts."""
-
-
-@dataclass(frozen=True)
-class SACConfig(OffPolicyConfig):
-    """Arguments of ``HemisphericSAC``."""
-
-    ent_coef: float | None = None
-    """The entropy temperature; None to learn it."""
-    initial_ent_coef: float = 1.0
-    """Where a learned temperature begins."""
-    target_entropy: float | None = None
-    """What a learned temperature steers to (nats); None for minus the number of muscles."""
-
-
-@dataclass(frozen=True)
-class TD3Config(OffPolicyConfig):
-    """Arguments of ``HemisphericTD3``."""
-
-    action_noise: float = 0.1
-    """Standard deviation of the exploration, added to actions in [-1, 1]."""
-    policy_delay: int = 2
-    """Updates of the critics for one of the network."""
-    target_policy_noise: float = 0.2
-    target_noise_clip: float = 0.5
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class EvaluationConfig:
     """Evaluations and saved weights along the way."""
 
-    every: int = 500_000
+    every: Count = 500_000
     """Environment steps between evaluations, whatever ``n_envs`` is."""
-    trials: int = 256
+    trials: AtOnce = 256
     """Trials of an evaluation, the same ones each time, by the deterministic policy."""
-    checkpoint_every: int = 2_500_000
+    checkpoint_every: Count = 2_500_000
     """Environment steps between saved weights."""
-    lesion_probe_every: int = 0
+    lesion_probe_every: CountOrNone = 0
     """Environment steps between tests of every lesion; 0 for none."""
-    seed: int = 1_000_000
-    """Of the evaluation's trials; arm i uses seed + i."""
+    seed: Seed = 1_000_000
+    """Seed of the evaluation's trials; arm i uses seed + i."""
 
 
-@dataclass(frozen=True)
-class SupervisedConfig:
-    """Back-propagation through time as the paper does it (section 5)."""
-
-    learning_rate: float = 0.001
-    """Of Adam."""
-    epsilon: float = 1e-7
-    """Of Adam, added as Keras does: before the bias correction."""
-    clip_norm: float = 1.0
-    """Of the gradient of each kernel, bias and scalar by itself."""
-    batch_size: int = 64
-    trials: int = 6400
-    """Drawn once for each seed, reshuffled every epoch."""
-    validation_trials: int = 64
-    patience: int = 3
-    """Epochs without a better validation loss after which a seed stops."""
-    penalty: str | None = None
-    """Kind of weight penalty: "weights", "activity" or "released"; by default the profile's."""
-    penalty_coefficient: float | None = None
-    """λ of paper section 4; by default the kind's."""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class TrainConfig:
     """What sets one training apart, whatever the algorithm; each algorithm's configuration adds its own."""
 
     algo: str = "ppo"
     model: str = "cc_s"
     task: str = "random_reach"
-    seed: int = 0
-    device: str = "cpu"
-    """Where arms and networks are computed: "cpu" or "cuda"."""
+    seed: Seed = 0
+    seeds: Annotated[Whole, Field(ge=1, le=MAX_SEEDS)] = 1
+    """Networks to train, of seeds ``seed``, ``seed + 1``, …; each ends as if it had been alone."""
+    device: Device = "cpu"
+    """Where arms and networks are computed: "cpu", "cuda" or "cuda:N"."""
+    threads: Annotated[Whole, Field(ge=0, le=MOST_THREADS)] = 0
+    """CPU threads; 0 for as many as there are."""
     init_from: str | None = None
     """RUN or RUN:seed whose network the training begins with; a fresh one by default."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
@@ -180,45 +125,68 @@ class TrainConfig:
 
     @property
     def total(self) -> int:
-        """Largest number of what the training counts: environment steps, or updates of each network."""
+        """Largest number of what the training counts: environment steps of all seeds, or updates of each network."""
+        raise NotImplementedError
+
+    @property
+    def unit(self) -> str:
+        """What the training counts: "steps" or "updates"."""
+        raise NotImplementedError
+
+    @property
+    def plan(self) -> str:
+        """What the training is about to do with each network, in words."""
         raise NotImplementedError
 
     @property
     def all_seeds(self) -> list[int]:
         """Seeds of the networks that the run trains."""
-        return [self.seed]
+        return [self.seed + i for i in range(self.seeds)]
+
+    @property
+    def spec(self) -> ModelSpec:
+        """The model's architecture and loss."""
+        return find_model(self.model)
 
     def to_values(self) -> Values:
-        """Nested dictionaries of plain numbers, strings and lists."""
+        """Return nested dictionaries of plain numbers, strings and lists."""
         return typing.cast(Values, plain(dataclasses.asdict(self)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class RLConfig(TrainConfig):
     """A training by reinforcement learning; each algorithm's configuration adds its hyperparameters, by its name."""
 
-    timesteps: int = 12_000_000
+    timesteps: Count = 12_000_000
     """Environment steps, over all arms."""
-    n_envs: int = 1024
+    n_envs: AtOnce = 1024
     """Arms simulated at once."""
-    threads: int = 1
+    threads: Annotated[Whole, Field(ge=1, le=MOST_THREADS)] = 1
     """CPU threads of torch. A second one gains a fifth on an idle machine and loses half on a busy one."""
-    track: bool = False
+    track: Flag = False
     """Whether Weights & Biases follows the training too."""
     network: ActorCriticConfig = field(default_factory=ActorCriticConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
     @property
     def total(self) -> int:
-        return self.timesteps
+        return self.timesteps * self.seeds
+
+    @property
+    def unit(self) -> str:
+        return "steps"
+
+    @property
+    def plan(self) -> str:
+        return f"{self.timesteps:,} steps of {self.n_envs} arms"
 
     @property
     def hyperparameters(self) -> StreamConfig:
-        """The algorithm's."""
+        """The algorithm's hyperparameters."""
         return typing.cast(StreamConfig, getattr(self, self.algo))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class PPORunConfig(RLConfig):
     """A training by PPO."""
 
@@ -226,7 +194,7 @@ class PPORunConfig(RLConfig):
     ppo: PPOConfig = field(default_factory=PPOConfig)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class A2CRunConfig(RLConfig):
     """A training by A2C."""
 
@@ -234,7 +202,7 @@ class A2CRunConfig(RLConfig):
     a2c: A2CConfig = field(default_factory=A2CConfig)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class SACRunConfig(RLConfig):
     """A training by SAC."""
 
@@ -242,7 +210,7 @@ class SACRunConfig(RLConfig):
     sac: SACConfig = field(default_factory=SACConfig)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class TD3RunConfig(RLConfig):
     """A training by TD3."""
 
@@ -250,19 +218,15 @@ class TD3RunConfig(RLConfig):
     td3: TD3Config = field(default_factory=TD3Config)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class BPTTConfig(TrainConfig):
     """A supervised training of one network or of several at once."""
 
     algo: str = "bptt"
-    seeds: int = 1
-    """Networks trained at once, of seeds ``seed``, ``seed + 1``, …; each ends as if it had been alone."""
-    epochs: int = 100
-    """At most."""
-    profile: str = "paper"
+    epochs: Count = 100
+    """Largest number of epochs."""
+    profile: Profile = "paper"
     """What sets the defaults of the penalty: "paper", its text, or "released", its released code."""
-    threads: int = 0
-    """CPU threads; 0 for as many as there are."""
     bptt: SupervisedConfig = field(default_factory=SupervisedConfig)
 
     @property
@@ -270,24 +234,28 @@ class BPTTConfig(TrainConfig):
         return self.epochs * self.updates_per_epoch
 
     @property
+    def unit(self) -> str:
+        return "updates"
+
+    @property
+    def plan(self) -> str:
+        return f"up to {self.epochs} epochs of {self.bptt.trials:,} trials"
+
+    @property
     def updates_per_epoch(self) -> int:
         """Updates of each network in an epoch."""
         return self.bptt.trials // self.bptt.batch_size
 
     @property
-    def all_seeds(self) -> list[int]:
-        return [self.seed + i for i in range(self.seeds)]
-
-    @property
     def penalty(self) -> Penalty:
-        """The kind of weight penalty: the given one or the profile's."""
-        return typing.cast(Penalty, self.bptt.penalty or PROFILES[typing.cast(Profile, self.profile)])
+        """The kind of weight penalty: the chosen one or the profile's."""
+        return self.bptt.penalty or PROFILES[self.profile]
 
     @property
     def penalty_coefficient(self) -> float:
-        """λ: the given one or the kind's."""
-        given = self.bptt.penalty_coefficient
-        return PENALTIES[self.penalty] if given is None else given
+        """λ: the chosen one or the kind's."""
+        chosen = self.bptt.penalty_coefficient
+        return PENALTIES[self.penalty] if chosen is None else chosen
 
 
 CONFIGS: dict[str, type[TrainConfig]] = {

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Positive
 
 MUSCLE_NAMES = ("pectoralis", "deltoid", "brachioradialis", "triceps lateral", "biceps", "triceps long")
 """The six lumped muscles, in the order of every array's last axis."""
@@ -13,11 +16,15 @@ MUSCLE_NAMES = ("pectoralis", "deltoid", "brachioradialis", "triceps lateral", "
 N_MUSCLES = len(MUSCLE_NAMES)
 N_JOINTS = 2
 
-PerJoint = tuple[float, float]
-PerMuscle = tuple[float, float, float, float, float, float]
+PerJoint = tuple[Number, Number]
+PositivePerJoint = tuple[Positive, Positive]
+NotNegativePerJoint = tuple[NotNegative, NotNegative]
+PerMuscle = tuple[Number, Number, Number, Number, Number, Number]
+PositivePerMuscle = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+NotNegativePerMuscle = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class ArmParameters:
     """Parameters of the planar two-joint, six-muscle arm (paper section 2; MotorNet's ``RigidTendonArm26``).
 
@@ -26,20 +33,21 @@ class ArmParameters:
     Kistemaker et al. 2010 (doi:10.1152/jn.00483.2010). Activation dynamics: Thelen 2003 (doi:10.1115/1.1531112).
 
     Raises:
-        ValueError: a tuple of the wrong length, a number that is not finite, or one outside its physical range.
+        ValueError: an unknown name, another number of values, or a value that is not finite or outside its physical
+            range.
     """
 
-    timestep: float = 0.01
+    timestep: Positive = 0.01
     """Explicit Euler step (s)."""
 
     # Skeleton
-    link_mass: PerJoint = (1.82, 1.43)
+    link_mass: PositivePerJoint = (1.82, 1.43)
     """kg."""
-    link_center_of_mass: PerJoint = (0.135, 0.165)
+    link_center_of_mass: NotNegativePerJoint = (0.135, 0.165)
     """Distance from the link's proximal joint (m)."""
-    link_inertia: PerJoint = (0.051, 0.057)
+    link_inertia: PositivePerJoint = (0.051, 0.057)
     """About the center of mass (kg m²)."""
-    link_length: PerJoint = (0.309, 0.333)
+    link_length: PositivePerJoint = (0.309, 0.333)
     """m."""
     joint_lower_limit: PerJoint = (0.0, 0.0)
     """rad."""
@@ -47,23 +55,23 @@ class ArmParameters:
     """rad."""
 
     # Muscle and tendon
-    max_isometric_force: PerMuscle = (838.0, 1207.0, 1422.0, 1549.0, 414.0, 603.0)
+    max_isometric_force: PositivePerMuscle = (838.0, 1207.0, 1422.0, 1549.0, 414.0, 603.0)
     """N."""
-    tendon_length: PerMuscle = (0.039, 0.066, 0.172, 0.187, 0.204, 0.217)
+    tendon_length: NotNegativePerMuscle = (0.039, 0.066, 0.172, 0.187, 0.204, 0.217)
     """m; the tendon is rigid."""
-    optimal_muscle_length: PerMuscle = (0.134, 0.140, 0.092, 0.093, 0.137, 0.127)
+    optimal_muscle_length: PositivePerMuscle = (0.134, 0.140, 0.092, 0.093, 0.137, 0.127)
     """m."""
-    normalized_slack_muscle_length: float = 1.0
+    normalized_slack_muscle_length: Positive = 1.0
     """Length (in optimal lengths) past which a muscle resists passively. 1.0 is the paper's arm (motornet 0.1.5);
     motornet 0.2 and later default to 1.4, which is a very different arm."""
-    normalized_max_velocity: float = 10.0
+    normalized_max_velocity: Positive = 10.0
     """Maximal shortening velocity (optimal lengths/s)."""
 
     # Activation
-    min_activation: float = 0.001
-    tau_activation: float = 0.015
+    min_activation: Annotated[Number, Field(gt=0, lt=1)] = 0.001
+    tau_activation: Positive = 0.015
     """s."""
-    tau_deactivation: float = 0.05
+    tau_deactivation: Positive = 0.05
     """s."""
 
     # Musculotendon path: length = offset + Σ_joints (linear + quadratic · p) · p with p = angle − reference angle;
@@ -82,89 +90,36 @@ class ArmParameters:
     """rad."""
 
     # Hill curves, dimensionless
-    active_width: float = 0.66
+    active_width: Positive = 0.66
     """Half width of the active force-length parabola (optimal lengths); passive force is maximal there too."""
-    min_active_force_length: float = 0.01
+    min_active_force_length: Positive = 0.01
     """Floor of the active force-length curve."""
-    hill_a: float = 0.41
+    hill_a: Positive = 0.41
     """Hill's a over maximal isometric force."""
-    hill_b: float = 5.2
+    hill_b: Positive = 5.2
     """Hill's b over optimal length (1/s, halved by the unit of vmax as in the source)."""
-    low_activation: float = 0.3
+    low_activation: Number = 0.3
     """Activation under which hill_b falls."""
-    low_activation_origin: float = 0.005
+    low_activation_origin: NotNegative = 0.005
     """Activation at which hill_b has fallen by ``low_activation_drop``."""
-    low_activation_drop: float = 0.9
-    lengthening_force: float = 1.5
-    """Asymptote of the lengthening (eccentric) curve, in isometric forces."""
-    lengthening_slope_ratio: float = 2.0
+    low_activation_drop: NotNegative = 0.9
+    lengthening_force: Annotated[Number, Field(gt=1)] = 1.5
+    """Asymptote of the lengthening (eccentric) curve, in isometric forces; a lengthening muscle resists more."""
+    lengthening_slope_ratio: NotNegative = 2.0
     """Slope of the force-velocity curve just above zero velocity over the slope just below."""
-    lengthening_asymptote_slope: float = 0.001
+    lengthening_asymptote_slope: NotNegative = 0.001
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if isinstance(field.default, tuple):
-                _check_tuple(field.name, value, len(field.default))
-            elif not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise ValueError(f"ArmParameters.{field.name} must be a finite number, got {value!r}.")
-        _check_signs(self)
         for lower, upper in zip(self.joint_lower_limit, self.joint_upper_limit, strict=True):
             if not lower < upper:
-                raise ValueError(f"a joint_lower_limit must be below its joint_upper_limit, got {lower} and {upper}.")
-        if not 0 < self.min_activation < 1:
-            raise ValueError(f"min_activation must lie between 0 and 1, got {self.min_activation}.")
+                raise ValueError(f"joint_lower_limit must be below joint_upper_limit, got {lower} and {upper}")
         if not self.low_activation_origin < self.low_activation:
             raise ValueError(
-                f"low_activation ({self.low_activation}) must be above low_activation_origin "
-                f"({self.low_activation_origin})."
+                f"low_activation must be above low_activation_origin, got {self.low_activation} and "
+                f"{self.low_activation_origin}"
             )
-        if not self.lengthening_force > 1:
-            raise ValueError(f"lengthening_force must be above the isometric force, 1, got {self.lengthening_force}.")
         if not self.normalized_slack_muscle_length < 1 + self.active_width:
             raise ValueError(
-                "normalized_slack_muscle_length must be below 1 + active_width "
-                f"({1 + self.active_width}), got {self.normalized_slack_muscle_length}."
+                f"normalized_slack_muscle_length must be below 1 + active_width, {1 + self.active_width}, got "
+                f"{self.normalized_slack_muscle_length}"
             )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The parameters as plain numbers and lists, for a configuration file."""
-        return {name: list(v) if isinstance(v, tuple) else v for name, v in dataclasses.asdict(self).items()}
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> ArmParameters:
-        """The inverse of :meth:`to_dict`. Raises ValueError for an unknown name."""
-        known = {field.name for field in dataclasses.fields(cls)}
-        unknown = sorted(set(values) - known)
-        if unknown:
-            raise ValueError(f"unknown arm parameters {unknown}; choose from {sorted(known)}.")
-        arguments: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
-        return cls(**arguments)
-
-
-_POSITIVE = (
-    "timestep", "link_mass", "link_inertia", "link_length", "max_isometric_force", "optimal_muscle_length",
-    "normalized_slack_muscle_length", "normalized_max_velocity", "tau_activation", "tau_deactivation", "active_width",
-    "min_active_force_length", "hill_a", "hill_b",
-)  # fmt: skip
-
-_NOT_NEGATIVE = (
-    "link_center_of_mass", "tendon_length", "low_activation_origin", "low_activation_drop", "lengthening_slope_ratio",
-    "lengthening_asymptote_slope",
-)  # fmt: skip
-
-
-def _check_tuple(name: str, value: Any, length: int) -> None:
-    if not isinstance(value, tuple) or len(value) != length:
-        raise ValueError(f"ArmParameters.{name} must be a tuple of {length} numbers, got {value!r}.")
-    if not all(isinstance(v, (int, float)) and math.isfinite(v) for v in value):
-        raise ValueError(f"ArmParameters.{name} must hold finite numbers, got {value!r}.")
-
-
-def _check_signs(parameters: ArmParameters) -> None:
-    for name in (*_POSITIVE, *_NOT_NEGATIVE):
-        value = getattr(parameters, name)
-        least = min(value if isinstance(value, tuple) else (value,))
-        if least < 0 or (least == 0 and name in _POSITIVE):
-            wanted = "positive" if name in _POSITIVE else "at least 0"
-            raise ValueError(f"ArmParameters.{name} must be {wanted}, got {value!r}.")

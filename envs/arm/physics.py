@@ -10,6 +10,7 @@ precision, :func:`arm_types`, as its structs and arrays cannot be generic. Throu
 ``joint`` a vec4 of angles (rad) and angular velocities (rad/s), and ``m`` the index of a muscle.
 """
 
+import dataclasses
 import functools
 from typing import Any, NamedTuple
 
@@ -97,8 +98,8 @@ def kernel_parameters(parameters: ArmParameters, real: Any) -> Any:
     start_warp()
     types = arm_types(real)
     struct = types.Parameters()
-    for name, value in parameters.to_dict().items():
-        if isinstance(value, list):
+    for name, value in dataclasses.asdict(parameters).items():
+        if isinstance(value, tuple):
             value = (types.vec2 if len(value) == 2 else types.vec6)(*np.asarray(value, dtype=np.float64))
         setattr(struct, name, value)
     return struct

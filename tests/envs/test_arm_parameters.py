@@ -1,7 +1,6 @@
 """ArmParameters takes physical constants only, and says what is wrong with others."""
 
 import dataclasses
-import json
 import math
 
 import pytest
@@ -26,24 +25,24 @@ def with_value(name, value):
     return (value, *default[1:]) if isinstance(default, tuple) else value
 
 
-@pytest.mark.parametrize("name", TUPLES)
-@pytest.mark.parametrize("change", [lambda t: t[:-1], lambda t: (*t, 1.0), list, lambda t: t[0]])
-def test_a_tuple_of_another_length_or_type_is_rejected(name, change):
-    with pytest.raises(ValueError, match=f"ArmParameters.{name} must be a tuple of {len(FIELDS[name])}"):
-        ArmParameters(**{name: change(FIELDS[name])})
+def test_every_number_must_be_finite():
+    for name in FIELDS:
+        for value in (math.nan, math.inf, -math.inf, None, "one", True):
+            with pytest.raises(ValueError, match=name):
+                ArmParameters(**{name: with_value(name, value)})
 
 
-@pytest.mark.parametrize("name", FIELDS)
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "1"])
-def test_what_is_no_finite_number_is_rejected(name, value):
-    with pytest.raises(ValueError, match=f"ArmParameters.{name} must .*finite number"):
-        ArmParameters(**{name: with_value(name, value)})
+def test_a_tuple_has_a_number_for_each_joint_or_muscle():
+    for name in TUPLES:
+        for wrong in (FIELDS[name][:-1], (*FIELDS[name], 1.0), FIELDS[name][0]):
+            with pytest.raises(ValueError, match=name):
+                ArmParameters(**{name: wrong})
 
 
-@pytest.mark.parametrize("name", NEVER_NEGATIVE)
-def test_a_negative_number_is_rejected_where_physics_has_none(name):
-    with pytest.raises(ValueError, match=name):
-        ArmParameters(**{name: with_value(name, -0.1)})
+def test_a_negative_number_is_rejected_where_physics_has_none():
+    for name in NEVER_NEGATIVE:
+        with pytest.raises(ValueError, match=name):
+            ArmParameters(**{name: with_value(name, -0.1)})
 
 
 @pytest.mark.parametrize(
@@ -70,24 +69,9 @@ def test_numbers_that_contradict_each_other_are_rejected(changes, message):
         ArmParameters(**changes)
 
 
-def test_dictionary_and_back_is_the_same_through_json_too():
-    parameters = ArmParameters(normalized_slack_muscle_length=1.4, link_mass=(1.0, 2.0))
-    assert ArmParameters.from_dict(parameters.to_dict()) == parameters
-    assert ArmParameters.from_dict(json.loads(json.dumps(parameters.to_dict()))) == parameters
-    assert ArmParameters.from_dict({}) == ArmParameters()
-    assert set(parameters.to_dict()) == set(FIELDS)
-
-
-def test_an_unknown_name_is_rejected_with_the_choices():
-    with pytest.raises(ValueError, match=r"unknown arm parameters \['mass'\].*link_mass"):
-        ArmParameters.from_dict({"mass": 1.0})
-    with pytest.raises(TypeError, match="mass"):
+def test_an_unknown_name_is_rejected():
+    with pytest.raises(ValueError, match="mass"):
         ArmParameters(mass=1.0)
-
-
-def test_a_bad_value_in_a_dictionary_is_rejected():
-    with pytest.raises(ValueError, match="link_mass"):
-        ArmParameters.from_dict({"link_mass": [1.0]})
 
 
 def test_parameters_are_immutable_and_hashable():
@@ -107,8 +91,7 @@ def test_defaults_are_the_papers():
     assert parameters.min_activation == 0.001
 
 
-@pytest.mark.parametrize("name", sorted(set(FIELDS) - {"low_activation_origin", "low_activation_drop"}))
-def test_every_parameter_reaches_the_arm(name):
+def test_every_parameter_reaches_the_arm():
     """A changed parameter changes a short movement (the two left out matter as one curve, tested by parity)."""
     joint = torch.tensor([[0.7, 0.9, 1.0, -1.0], [1.9, 2.0, -1.0, 1.0], [0.0, 0.0, -1.0, -1.0], [2.35, 2.7, 2.0, 2.0]])
     excitation = torch.linspace(0, 1, 24).reshape(4, 6)
@@ -120,9 +103,12 @@ def test_every_parameter_reaches_the_arm(name):
             state = arm.step(state, excitation)
         return torch.cat([t.flatten() for t in state])
 
-    default = FIELDS[name]
-    if name == "joint_lower_limit":
-        changed = (0.05, 0.05)
-    else:
-        changed = tuple(0.97 * v + 1e-3 for v in default) if isinstance(default, tuple) else 0.9 * default
-    assert not torch.equal(movement(ArmParameters(**{name: changed})), movement(ArmParameters()))
+    def changed(name, default):
+        if name == "joint_lower_limit":
+            return (0.05, 0.05)
+        return tuple(0.97 * v + 1e-3 for v in default) if isinstance(default, tuple) else 0.9 * default
+
+    usual = movement(ArmParameters())
+    for name in FIELDS.keys() - {"low_activation_origin", "low_activation_drop"}:
+        other = ArmParameters(**{name: changed(name, FIELDS[name])})
+        assert not torch.equal(movement(other), usual), name

@@ -1,6 +1,8 @@
 import dataclasses
 import importlib.resources
+import itertools
 import json
+import re
 
 import pytest
 import torch
@@ -18,12 +20,27 @@ from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.policies import make_network
 
 
-@pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("algo", ALGORITHMS)
-def test_every_algorithm_task_and_model_has_working_defaults(algo, task, model):
-    config = resolve(algo, task, model=model)
-    assert (config.algo, config.task, config.model) == (algo, task, model)
+def test_every_algorithm_task_and_model_has_working_defaults(algo):
+    for task, model in itertools.product(TASKS, MODELS):
+        config = resolve(algo, task, model=model)
+        assert (config.algo, config.task, config.model, config.spec) == (algo, task, model, MODELS[model])
+        assert (config.seeds, config.all_seeds) == (1, [0])
+
+
+def test_a_configuration_says_what_it_counts_and_up_to_where():
+    rl, supervised = resolve("sac", None, [{"timesteps": 1e5, "seeds": 2}]), resolve("bptt", None, [{"epochs": 3}])
+    assert (rl.total, rl.unit) == (200_000, "steps")
+    assert (supervised.total, supervised.unit) == (300, "updates")
+
+
+@pytest.mark.parametrize(("algo", "threads"), [("ppo", 1), ("td3", 1), ("bptt", 0)])
+def test_seeds_and_threads_are_settings_of_every_algorithm(algo, threads):
+    config = resolve(algo, None, [{"seed": 7, "seeds": 3}])
+    assert (config.all_seeds, config.threads) == ([7, 8, 9], threads)
+    assert resolve(algo, None, [{"threads": 2}]).threads == 2
+    with pytest.raises(UserError, match=r"The last seed, .* at most 4,294,967,295"):
+        resolve(algo, None, [{"seed": 2**32 - 2, "seeds": 3}])
 
 
 def test_the_bare_command_trains_the_callosal_specialized_model_to_reach_with_ppo():
@@ -56,7 +73,9 @@ def test_tuned_defaults_are_for_algorithms_and_tasks_that_exist():
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_a_configuration_survives_yaml_and_json(tmp_path, algo):
-    config = resolve(algo, "hold_position", [{"trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}])
+    values = {"seeds": 3, "init_from": "a:1", "trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}
+    values |= {"profile": "released", "bptt": {"epsilon": 1e-8, "penalty": "activity"}} if algo == "bptt" else {}
+    config = resolve(algo, "hold_position", [values])
     for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
         (tmp_path / name).write_text(text)
         assert resolve(None, None, [read_settings(tmp_path / name)]) == config
@@ -74,50 +93,80 @@ def test_exponents_without_a_point_are_numbers():
 
 
 @pytest.mark.parametrize(
-    ("values", "names"),
+    ("values", "sentence"),
     [
-        ({"model": "cc"}, "uni_b"),
-        ({"task": "reach"}, "random_reach"),
-        ({"algo": "dqn"}, "ppo"),
-        ({"modle": "cc_s"}, "modle"),
-        ({"ppo": {"lr": 1}}, "learning_rate"),
-        ({"ppo": 3}, "ppo"),
-        ({"timesteps": 0}, "timesteps"),
-        ({"timesteps": 1.5}, "timesteps"),
-        ({"timesteps": True}, "timesteps"),
-        ({"seed": -1}, "seed"),
-        ({"device": "tpu"}, "cuda"),
-        ({"n_envs": 1, "ppo": {"n_steps": 1}}, "n_steps"),
-        ({"ppo": {"gamma": 1.5}}, "gamma"),
-        ({"ppo": {"gamma": float("nan")}}, "gamma"),
-        ({"ppo": {"learning_rate": "fast"}}, "learning_rate"),
-        ({"network": {"units": 7}}, "odd"),
-        ({"network": {"layers": 1}}, "layers"),
-        ({"network": {"critic_arch": []}}, "critic_arch"),
-        ({"network": {"critic_arch": 64}}, "critic_arch"),
-        ({"trial": {"threshold": -1}}, "threshold"),
-        ({"trial": {"arm": {"link_length": [0.3]}}}, "link_length"),
-        ({"evaluation": {"trials": 0}}, "trials"),
+        ({"model": "cc"}, "Unknown model 'cc'; choose from uni_b, uni_dl"),
+        ({"task": "reach"}, "Unknown task 'reach'; choose from random_reach"),
+        ({"algo": "dqn"}, "Unknown algorithm 'dqn'; choose from ppo"),
+        ({"modle": "cc_s"}, "Unknown setting 'modle' among the settings; choose from algo, model"),
+        ({"ppo": {"lr": 1}}, "Unknown setting 'lr' in ppo; choose from learning_rate"),
+        ({"trial": {"arm": {"mass": 1}}}, "Unknown setting 'mass' in trial.arm; choose from timestep, link_mass"),
+        ({3: 4}, "Unknown setting 3 among the settings"),
+        ({"ppo": 3}, "ppo must be settings by name, got 3."),
+        ({"timesteps": 0}, "timesteps must be at least 1, got 0."),
+        ({"timesteps": 1.5}, "timesteps must be a whole number, got 1.5."),
+        ({"timesteps": True}, "timesteps must be a number, got True."),
+        ({"timesteps": 10**16}, "timesteps must be at most 1,000,000,000,000,000, got 10,000"),
+        ({"track": "yes"}, "track must be true or false, got 'yes'."),
+        ({"track": 1}, "track must be true or false, got 1."),
+        ({"init_from": 3}, "init_from must be a word, got 3."),
+        ({"seed": -1}, "seed must be at least 0, got -1."),
+        ({"seed": 2**32}, "seed must be at most 4,294,967,295, got 4,294,967,296."),
+        ({"seeds": 0}, "seeds must be at least 1, got 0."),
+        ({"threads": 0}, "threads must be at least 1, got 0."),
+        ({"n_envs": 1, "ppo": {"n_steps": 1}}, "ppo.n_steps times n_envs must be at least 2"),
+        ({"ppo": {"gamma": 1.5}}, "ppo.gamma must be at most 1, got 1.5."),
+        ({"ppo": {"gamma": True}}, "ppo.gamma must be a number, got True."),
+        ({"ppo": {"gamma": float("nan")}}, "ppo.gamma must be a finite number, got nan."),
+        ({"ppo": {"gamma": "nan"}}, "ppo.gamma must be a finite number"),
+        ({"ppo": {"learning_rate": "fast"}}, "ppo.learning_rate must be a finite number, got 'fast'."),
+        ({"ppo": {"learning_rate": 10**400}}, "ppo.learning_rate must be a finite number"),
+        ({"network": {"critic_arch": []}}, "network.critic_arch must be a list of at least 1 number, got []."),
+        ({"network": {"critic_arch": 64}}, "network.critic_arch must be a list, got 64."),
+        ({"network": {"critic_arch": [8, 0]}}, "network.critic_arch must be at least 1, got 0."),
+        ({"trial": {"arm": {"link_length": [0.3]}}}, "trial.arm.link_length must be a list of 2 numbers, got [0.3]."),
+        ({"trial": {"arm": {"link_length": [1, 2, 3]}}}, "trial.arm.link_length must be a list of at most 2 numbers"),
+        ({"trial": {"arm": {"link_length": [1, -2]}}}, "trial.arm.link_length must be above 0, got -2."),
+        ({"trial": {"arm": {"joint_lower_limit": [0, 3]}}}, "trial.arm.joint_lower_limit must be below joint_upper_"),
+        ({"evaluation": {"trials": 0}}, "evaluation.trials must be at least 1, got 0."),
+        ({"evaluation": {"seed": -1}}, "evaluation.seed must be at least 0, got -1."),
     ],
 )
-def test_what_cannot_work_is_refused_by_name(values, names):
-    with pytest.raises(UserError, match=names):
+def test_what_cannot_work_is_refused_in_one_sentence(values, sentence):
+    with pytest.raises(UserError, match=f"^{re.escape(sentence)}"):
         resolve(None, None, [values])
 
 
+@pytest.mark.parametrize("device", ["tpu", "cuda:", "cuda:99x", "cuda:-1", "cudax", "cuda:1000", "CPU", ""])
+def test_a_device_is_the_cpu_or_a_gpu_by_its_number(device):
+    with pytest.raises(UserError, match=r"device must be cpu, cuda or, for one of several, cuda:0"):
+        resolve(None, None, [{"device": device}])
+    for good in ("cpu", "cuda", "cuda:7"):
+        assert resolve(None, None, [{"device": good}]).device == good
+
+
+@pytest.mark.parametrize("name", ["units", "layers"])
+def test_no_refusal_advises_what_is_refused_in_turn(name):
+    """The bound that a sentence names can be used: 0 is not at least what -1 is told, 10,000 not below 10,001's."""
+    for value in (-1, 0, 10**6):
+        with pytest.raises(UserError, match=f"network.{name} must be at ") as error:
+            resolve(None, None, [{"network": {name: value}}], model="uni_b")
+        advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
+        other = {"units": {"layers": 1}, "layers": {"units": 2}}[name]
+        assert resolve(None, None, [{"network": {name: advised} | other}], model="uni_b").network
+
+
 @pytest.mark.parametrize("model", ["uni_b", "bi_s", "cc_s"])
-@pytest.mark.parametrize("units", range(-1, 7))
-@pytest.mark.parametrize("layers", range(-1, 4))
-def test_exactly_the_networks_that_cannot_be_built_are_refused(model, units, layers):
-    try:
-        make_network(MODELS[model].architecture, 16, 6, units, layers)
-    except ValueError:
-        with pytest.raises(UserError, match=r"units|layers"):
-            resolve(None, None, [{"network": {"units": units, "layers": layers}}], model=model)
-    else:
-        assert (
-            resolve(None, None, [{"network": {"units": units, "layers": layers}}], model=model).network.units == units
-        )
+def test_exactly_the_networks_that_cannot_be_built_are_refused(model):
+    for units, layers in itertools.product(range(-1, 7), range(-1, 4)):
+        values = {"network": {"units": units, "layers": layers}}
+        try:
+            make_network(MODELS[model].architecture, 16, 6, units, layers)
+        except ValueError:
+            with pytest.raises(UserError, match=r"units|layers"):
+                resolve(None, None, [values], model=model)
+        else:
+            assert resolve(None, None, [values], model=model).network.units == units
 
 
 def test_reading_a_configuration_draws_no_random_numbers():
@@ -167,13 +216,12 @@ BAD_HYPERPARAMETERS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("algo", "name", "value"),
-    [(algo, name, value) for algos, name, values in BAD_HYPERPARAMETERS for algo in algos for value in values],
-)
-def test_a_hyperparameter_that_cannot_work_is_refused_by_name(algo, name, value):
-    with pytest.raises(UserError, match=rf"{algo}\.{name}"):
-        resolve(algo, None, [{algo: {name: value}}])
+@pytest.mark.parametrize("algo", [*ON_POLICY, *OFF_POLICY])
+def test_a_hyperparameter_that_cannot_work_is_refused_by_name(algo):
+    for algos, name, values in BAD_HYPERPARAMETERS:
+        for value in values if algo in algos else ():
+            with pytest.raises(UserError, match=rf"^{algo}\.{name} (must be|would make) "):
+                resolve(algo, None, [{algo: {name: value}}])
 
 
 def test_every_hyperparameter_has_values_that_are_refused():
@@ -183,15 +231,14 @@ def test_every_hyperparameter_has_values_that_are_refused():
     assert covered == fields
 
 
-@pytest.mark.parametrize("algo", [*ON_POLICY, *OFF_POLICY])
-@pytest.mark.parametrize("other", [*ON_POLICY, *OFF_POLICY])
-def test_the_settings_of_another_algorithm_are_refused(algo, other):
-    values = parse_overrides([f"{other}.gamma=0.9"])
-    if other == algo:
-        assert resolve(algo, None, [values]).hyperparameters.gamma == 0.9
-        return
-    with pytest.raises(UserError, match=f"{other} is a setting of another algorithm than {algo}"):
-        resolve(algo, None, [values])
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_the_settings_of_another_algorithm_are_refused(algo):
+    for other in set(ALGORITHMS) - {algo}:
+        with pytest.raises(UserError, match=f"{other} is a setting of another algorithm than {algo}"):
+            resolve(algo, None, [{other: {}}])
+    for name in ("timesteps", "n_envs", "track", "evaluation") if algo == "bptt" else ("epochs", "profile"):
+        with pytest.raises(UserError, match=f"{name} is a setting of another algorithm than {algo}"):
+            resolve(algo, None, [{name: 1}])
 
 
 @pytest.mark.parametrize("item", ["gamma", "=3", ""])
@@ -243,20 +290,11 @@ def test_the_penalty_is_the_given_one_or_the_profiles(values, penalty, coefficie
 @pytest.mark.parametrize(
     ("values", "names"),
     [
-        ({"timesteps": 1000}, "timesteps"),
-        ({"n_envs": 4}, "n_envs"),
-        ({"ppo": {"gamma": 0.9}}, "ppo"),
-        ({"evaluation": {"trials": 3}}, "evaluation"),
         ({"network": {"critic_arch": [4]}}, "critic_arch"),
-        ({"network": {"units": 7}}, "odd"),
-        ({"seeds": 0}, "seeds"),
         ({"seeds": 1001}, "seeds"),
-        ({"seeds": 1.5}, "seeds"),
-        ({"seed": 2**32 - 2, "seeds": 3}, "seed"),
         ({"epochs": 0}, "epochs"),
         ({"threads": -1}, "threads"),
         ({"profile": "text"}, "paper, released"),
-        ({"init_from": 3}, "init_from"),
         ({"bptt": {"penalty": "l2"}}, "weights, activity, released"),
         ({"bptt": {"penalty_coefficient": -0.1}}, "penalty_coefficient"),
         ({"bptt": {"penalty_coefficient": float("nan")}}, "penalty_coefficient"),
@@ -268,7 +306,7 @@ def test_the_penalty_is_the_given_one_or_the_profiles(values, penalty, coefficie
         ({"bptt": {"trials": 0}}, "trials"),
         ({"bptt": {"validation_trials": 0}}, "validation_trials"),
         ({"bptt": {"trials": 100}}, "multiple of bptt.batch_size, got 100 and 64"),
-        ({"bptt": {"lr": 1}}, "learning_rate"),
+        ({"bptt": {"penalty": "activity"}, "trial": {"trial_length": 1}}, "trial_length must be at least 2"),
         ({"trial": {"sensory_noise": 0.01}}, "sensory_noise"),
         ({"trial": {"motor_noise": 0.01}}, "motor_noise"),
         ({"trial": {"feedback_delay": 1}}, "feedback_delay"),
@@ -279,17 +317,32 @@ def test_what_supervised_training_cannot_do_is_refused_by_name(values, names):
         resolve("bptt", None, [values])
 
 
-@pytest.mark.parametrize("algo", [*ON_POLICY, *OFF_POLICY])
-@pytest.mark.parametrize("name", ["seeds", "epochs", "profile", "bptt"])
-def test_reinforcement_refuses_the_settings_of_supervised_training(algo, name):
-    value = BPTTConfig().to_values()[name]
-    with pytest.raises(UserError, match=name):
-        resolve(algo, None, [{name: value}])
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_the_configuration_of_another_tasks_run_brings_its_choices_and_not_its_tuned_defaults(algo):
+    chosen = {"seed": 3, "network": {"units": 12}, "trial": {"threshold": 0.03}, algo: {"learning_rate": 0.123}}
+    run = resolve(algo, "random_reach", [chosen], model="bi_s").to_values()
+    assert resolve(None, "hold_position", [run]) == resolve(algo, "hold_position", [chosen], model="bi_s")
+    assert resolve(None, None, [run, {"task": "hold_position"}]) == resolve(None, "hold_position", [run])
+    assert resolve(None, None, [run], model="cc_ns").to_values() == run | {"model": "cc_ns"}
+    assert resolve(None, None, [run]).to_values() == run
 
 
-def test_a_supervised_configuration_survives_yaml_and_json(tmp_path):
-    values = {"seeds": 3, "profile": "released", "init_from": "a:1", "bptt": {"epsilon": 1e-8, "penalty": "activity"}}
-    config = resolve("bptt", "hold_position", [values], model="bi_s")
-    for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
-        (tmp_path / name).write_text(text)
-        assert resolve(None, None, [read_settings(tmp_path / name)]) == config
+def test_the_configuration_of_another_algorithms_run_brings_what_both_have():
+    run = resolve("ppo", "hold_position", [{"n_envs": 77, "trial": {"threshold": 0.03}}], model="bi_s").to_values()
+    config = resolve("sac", None, [run])
+    assert config == resolve("sac", "hold_position", [{"n_envs": 77, "trial": {"threshold": 0.03}}], model="bi_s")
+    assert resolve("bptt", None, [run | {"n_envs": 1024}]).trial.threshold == 0.03
+    with pytest.raises(UserError, match="ppo is a setting of another algorithm than sac"):
+        resolve("sac", None, [resolve("ppo", None, [{"ppo": {"gamma": 0.5}}]).to_values()])
+
+
+def test_what_a_file_says_by_itself_holds_for_whatever_task():
+    ent_coef = tuned_defaults("ppo", "random_reach")["ppo"]["ent_coef"]
+    written = {"algo": "ppo", "task": "random_reach", "ppo": {"ent_coef": ent_coef}}
+    assert resolve(None, "hold_position", [written]).ppo.ent_coef == ent_coef
+
+
+def test_a_run_of_version_0_1_0_has_one_seed():
+    values = resolve("a2c", None).to_values()
+    del values["seeds"]
+    assert resolve(None, None, [values]) == resolve("a2c", None)

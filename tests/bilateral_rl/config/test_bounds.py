@@ -2,6 +2,7 @@
 
 import pytest
 
+from bilateral_rl.analysis.metrics import find_metric, metrics_of
 from bilateral_rl.config.catalogue import ALGORITHMS
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
@@ -28,10 +29,10 @@ def test_what_a_large_laboratory_might_do_is_allowed(algo):
 
 
 @pytest.mark.parametrize(
-    ("algo", "values", "says"),
+    ("algo", "values", "name"),
     [
-        ("ppo", {"trial": {"trial_length": 5_000}}, "trial.trial_length"),
-        ("ppo", {"trial": {"feedback_delay": 5_000}}, "trial.feedback_delay"),
+        ("ppo", {"trial": {"trial_length": 20_000}}, "trial.trial_length"),
+        ("ppo", {"trial": {"feedback_delay": 20_000}}, "trial.feedback_delay"),
         ("ppo", {"network": {"layers": 200}}, "network.layers"),
         ("ppo", {"network": {"units": 10_000}}, "parameters of the network"),
         ("ppo", {"network": {"critic_arch": [10_000, 10_000]}}, "parameters of a critic"),
@@ -49,9 +50,16 @@ def test_what_a_large_laboratory_might_do_is_allowed(algo):
         ("bptt", {"seeds": 1000, "network": {"units": 2_000}}, "seeds and network"),
         ("ppo", {"trial": {"arm": {"timestep": 1e-300}}}, "trial.arm.timestep"),
         ("ppo", {"trial": {"max_load": 1e300}}, "trial.max_load"),
-        ("ppo", {"seed": 10**400}, "seed must be a whole number"),
     ],
 )
-def test_what_would_fill_the_memory_is_refused_by_its_name(algo, values, says):
-    with pytest.raises(UserError, match=says):
+def test_what_would_fill_the_memory_is_refused_by_its_name(algo, values, name):
+    with pytest.raises(UserError, match=name):
         resolve(algo, None, [values])
+
+
+@pytest.mark.parametrize("threshold", [1e-9, 1e-7, 0.0005, 0.05 / 3, 0.05000001, 9.99999, 1e6])
+def test_every_radius_that_is_allowed_has_metrics_that_are_found_by_name(threshold):
+    radius = resolve(None, None, [{"trial": {"threshold": threshold}}]).trial.threshold
+    names = [metric.name for metric in metrics_of("random_reach", [0.02, 0.03, 0.05, radius])]
+    assert len(set(names)) == len(names)
+    assert [find_metric(name).name for name in names] == names

@@ -1,0 +1,140 @@
+"""Bounds that concern several fields of a configuration; those of one stand at the field.
+
+What would take far more memory than any use of it is refused, so that a slip of the finger is a sentence and not a
+full memory.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from bilateral_rl.config.hyperparameters import OffPolicyConfig, OnPolicyConfig, SupervisedConfig
+from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.io.errors import UserError
+
+MOST_NUMBERS = 5 * 10**8
+"""Numbers in any of the large arrays: 2 GB."""
+MOST_PARAMETERS = 10**7
+"""Parameters of a network or a critic."""
+SMALLEST, LARGEST = 1e-9, 1e6
+"""Sizes of any number but 0 that describes a trial or an arm, whatever its unit."""
+
+_OBSERVED = 16
+"""Numbers in an observation."""
+_PER_STEP = 64
+"""Numbers kept of a step of an arm, roughly."""
+_PER_TRIAL = 16
+"""Numbers that set a trial, roughly."""
+
+
+def check(config: TrainConfig) -> None:
+    """Raise a UserError for settings that cannot work together, or that would fill the memory."""
+    if config.all_seeds[-1] > MAX_SEED:
+        raise UserError(f"The last seed, seed + seeds - 1, must be at most {MAX_SEED:,}, got {config.all_seeds[-1]:,}.")
+    _check_network(config)
+    if isinstance(config, RLConfig):
+        _check_rl(config)
+    if isinstance(config, BPTTConfig):
+        _check_bptt(config)
+    for name, value in _numbers("trial", dataclasses.asdict(config.trial)):
+        if value and not SMALLEST <= abs(value) <= LARGEST:
+            raise UserError(f"{name} must lie between {SMALLEST:g} and {LARGEST:g} in size, got {value:g}.")
+    for name, size in _parameters(config):
+        if size > MOST_PARAMETERS:
+            raise UserError(f"The number of parameters of {name} must be at most {MOST_PARAMETERS:,}, got {size:,}.")
+    for name, size in _arrays(config):
+        if size > MOST_NUMBERS:
+            raise UserError(f"{name} would make an array of {size:,} numbers, and {MOST_NUMBERS:,} are the most.")
+
+
+def _check_network(config: TrainConfig) -> None:
+    """Refuse sizes that the architecture cannot have, without building it: that would draw random weights."""
+    architecture, units, layers = config.spec.architecture, config.network.units, config.network.layers
+    trouble = None
+    if architecture != "unilateral" and units % 2:
+        trouble = f"a {architecture} network splits its units over two sides, and network.units = {units} is odd"
+    elif architecture == "callosal" and units < 4:
+        trouble = f"a callosal network pools two units a side, so network.units must be at least 4, got {units}"
+    elif architecture == "callosal" and layers < 2:
+        trouble = f"a callosum lies between hidden layers, so network.layers must be at least 2, got {layers}"
+    if trouble is not None:
+        raise UserError(f"The model {config.model} cannot be built: {trouble}.")
+
+
+def _check_rl(config: RLConfig) -> None:
+    chosen = config.hyperparameters
+    if isinstance(chosen, OnPolicyConfig) and chosen.n_steps * config.n_envs < 2:
+        raise UserError(
+            f"{config.algo}.n_steps times n_envs must be at least 2: one sample has no advantage to normalize."
+        )
+
+
+def _check_bptt(config: BPTTConfig) -> None:
+    settings, trial = config.bptt, config.trial
+    if settings.trials % settings.batch_size:
+        raise UserError(
+            f"bptt.trials must be a multiple of bptt.batch_size, got {settings.trials} and {settings.batch_size}."
+        )
+    if config.penalty != "weights" and trial.trial_length < 2:
+        raise UserError(
+            f"The penalty {config.penalty} looks at rates of change, so trial.trial_length must be at least 2, got 1."
+        )
+    if trial.noisy or trial.feedback_delay:
+        raise UserError(
+            "BPTT goes through an arm without noise or delay: leave out trial.sensory_noise, trial.motor_noise and "
+            "trial.feedback_delay, or train with --algo ppo."
+        )
+
+
+def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Yield every number in nested settings, with where it stands."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _numbers(f"{name}.{key}", item)
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from _numbers(name, item)
+    else:
+        yield name, value
+
+
+def _parameters(config: TrainConfig) -> Iterator[tuple[str, int]]:
+    """Yield what has parameters, and roughly how many."""
+    yield "the network", _size(_hidden(config))
+    if isinstance(config, RLConfig):
+        yield "a critic", _size(config.network.critic_arch)
+
+
+def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
+    """Yield the settings that make each of the large arrays, and roughly how many numbers it holds."""
+    steps = config.trial.trial_length + config.trial.feedback_delay
+    supervised, seeds = SupervisedConfig(), 1  # any network may be retrained so after a lesion
+    if isinstance(config, BPTTConfig):
+        supervised, seeds = config.bptt, config.seeds
+    per_step = sum(_hidden(config)) + _PER_STEP
+    yield "seeds and network", seeds * _size(_hidden(config))
+    yield "bptt.batch_size, seeds, trial and network", seeds * supervised.batch_size * steps * per_step
+    yield "bptt.validation_trials, seeds, trial and network", seeds * supervised.validation_trials * steps * per_step
+    yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL
+    if isinstance(config, RLConfig):
+        chosen = config.hyperparameters
+        yield "n_envs and trial", config.n_envs * steps * _PER_STEP
+        yield "evaluation.trials and trial", config.evaluation.trials * steps * _PER_STEP
+        if isinstance(chosen, OnPolicyConfig):
+            yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * _PER_STEP
+        if isinstance(chosen, OffPolicyConfig):
+            yield f"{config.algo}.buffer_size", chosen.buffer_size * _PER_STEP
+
+
+def _hidden(config: TrainConfig) -> list[int]:
+    return [config.network.units] * config.network.layers
+
+
+def _size(widths: Sequence[int]) -> int:
+    """Count the parameters of a network with these hidden layers, roughly."""
+    sizes = [_OBSERVED, *widths, N_MUSCLES]
+    return sum(n * m + m for n, m in itertools.pairwise(sizes))

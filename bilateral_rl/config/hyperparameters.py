@@ -1,0 +1,142 @@
+"""Hyperparameters of each algorithm, with their bounds; the tuned values are in ``defaults.yaml``.
+
+Upper bounds lie far beyond use, so that a slip of the finger is a sentence and not a full memory.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, Strict
+from pydantic.dataclasses import dataclass
+
+from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Positive, Whole
+from bilateral_rl.vocabulary import Penalty
+
+MOST_COUNTED = 10**15
+"""Upper bound of steps, epochs and the like."""
+MOST_ARMS = 10**6
+"""Upper bound of arms and of trials at once."""
+
+Count = Annotated[Whole, Field(ge=1, le=MOST_COUNTED)]
+CountOrNone = Annotated[Whole, Field(ge=0, le=MOST_COUNTED)]
+"""A count that may be 0."""
+AtOnce = Annotated[Whole, Field(ge=1, le=MOST_ARMS)]
+Flag = Annotated[bool, Strict()]
+Fraction = Annotated[Number, Field(ge=0, le=1)]
+
+
+@dataclass(frozen=True, config=STRICT)
+class StreamConfig:
+    """What every hemispheric algorithm takes."""
+
+    learning_rate: Positive = 3e-4
+    final_learning_rate: NotNegative = 0.0
+    """Reached linearly at the last step."""
+    gamma: Fraction = 0.99
+    weight_penalty: NotNegative = 0.001
+    """λ of paper section 4."""
+    reward_scale: Positive = 1.0
+
+
+@dataclass(frozen=True, config=STRICT)
+class OnPolicyConfig(StreamConfig):
+    """What PPO and A2C take."""
+
+    n_steps: Count = 50
+    """Steps per arm between updates."""
+    gae_lambda: Fraction = 0.95
+    ent_coef: NotNegative = 0.0
+    """Too little, and the exploration narrows before the hand finds its way."""
+    final_ent_coef: NotNegative = 0.0
+    """Reached linearly at the last step."""
+    vf_coef: NotNegative = 0.5
+    max_grad_norm: Positive = 0.5
+    """Largest norm of the gradient of each parameter group."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class PPOConfig(OnPolicyConfig):
+    """Arguments of ``HemisphericPPO``."""
+
+    batch_size: Annotated[Whole, Field(ge=2, le=10**7)] = 5120
+    n_epochs: Count = 5
+    clip_range: Positive = 0.2
+
+
+@dataclass(frozen=True, config=STRICT)
+class A2CConfig(OnPolicyConfig):
+    """Arguments of ``HemisphericA2C``."""
+
+    n_steps: Count = 5
+    gae_lambda: Fraction = 1.0
+    normalize_advantage: Flag = False
+    use_rms_prop: Flag = True
+    """RMSprop as in the original A2C; otherwise Adam."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class OffPolicyConfig(StreamConfig):
+    """What SAC and TD3 take."""
+
+    final_learning_rate: NotNegative = 3e-4
+    buffer_size: Count = 500_000
+    """Steps kept, over all arms."""
+    learning_starts: CountOrNone = 10_000
+    """Steps with random actions before the first update."""
+    batch_size: Annotated[Whole, Field(ge=2, le=10**6)] = 256
+    tau: Annotated[Number, Field(gt=0, le=1)] = 0.005
+    train_freq: Count = 1
+    """Steps per arm between updates."""
+    gradient_steps: Count = 1
+    """Updates at a time."""
+    critic_warm_up: CountOrNone = 0
+    """Updates of the critics before the first of the network."""
+    n_critics: Annotated[Whole, Field(ge=1, le=10)] = 2
+    """Critics of each reward stream; the smallest value counts."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class SACConfig(OffPolicyConfig):
+    """Arguments of ``HemisphericSAC``."""
+
+    ent_coef: NotNegative | None = None
+    """The entropy temperature; None to learn it."""
+    initial_ent_coef: Positive = 1.0
+    """Where a learned temperature begins."""
+    target_entropy: Number | None = None
+    """What a learned temperature steers to (nats); None for minus the number of muscles."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class TD3Config(OffPolicyConfig):
+    """Arguments of ``HemisphericTD3``."""
+
+    action_noise: NotNegative = 0.1
+    """Standard deviation of the exploration, added to actions in [-1, 1]."""
+    policy_delay: Count = 2
+    """Updates of the critics for one of the network."""
+    target_policy_noise: Positive = 0.2
+    target_noise_clip: Positive = 0.5
+
+
+@dataclass(frozen=True, config=STRICT)
+class SupervisedConfig:
+    """Back-propagation through time as the paper does it (section 5)."""
+
+    learning_rate: Positive = 0.001
+    """Adam's."""
+    epsilon: Positive = 1e-7
+    """Adam's, added as Keras does: before the bias correction."""
+    clip_norm: Positive = 1.0
+    """Largest norm of the gradient of each kernel, bias and scalar by itself."""
+    batch_size: AtOnce = 64
+    trials: AtOnce = 6400
+    """Drawn once for each seed, reshuffled every epoch; a multiple of ``batch_size``."""
+    validation_trials: AtOnce = 64
+    patience: Count = 3
+    """Epochs without a better validation loss after which a seed stops."""
+    penalty: Penalty | None = None
+    """What the weight penalty is taken of; by default what the profile says."""
+    penalty_coefficient: NotNegative | None = None
+    """λ of paper section 4; by default the penalty's."""
