@@ -1,13 +1,14 @@
 """What the process of a job runs: this file alone, by its path, so that nothing is imported but what the job imports.
 
-Standard input holds one line, the job; its end, later, says that the process that started this one is no more.
+A pipe to the process that started this one brings the job and takes the reports; its end says that the other is no
+more.
 """
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import importlib
-import json
 import os
 import signal
 import sys
@@ -17,18 +18,18 @@ import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, BinaryIO
 
 INTERVAL = 0.2
 """Seconds between two reports that differ in their numbers only."""
 
 
 def main() -> int:
-    """Do the job that standard input names, and return the exit code."""
+    """Do the job that comes through the pipe, and return the exit code."""
     faulthandler.enable()
-    pipe = Connection(int(sys.argv[1]), readable=False)
+    pipe = Connection(int(sys.argv[1]))
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    job = _take_standard_input()  # its thread goes on blocking it, so that Ctrl-C wakes this one
+    job = pipe.recv()
+    threading.Thread(target=_end_with, args=(pipe,), daemon=True).start()  # blocks SIGINT, so that it wakes this thread
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background processes ignore it
     try:
@@ -60,20 +61,11 @@ def _progress(pipe: Connection) -> Callable[[float, str], None]:
     return progress
 
 
-def _take_standard_input() -> dict[str, Any]:
-    """The job; afterwards the job's own standard input is empty, and a thread waits for the end of this one."""
-    command = os.fdopen(os.dup(0), "rb")
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, 0)
-    os.close(nothing)
-    job: dict[str, Any] = json.loads(command.readline())
-    threading.Thread(target=_end_with_it, args=(command,), daemon=True).start()
-    return job
-
-
-def _end_with_it(command: BinaryIO) -> None:
-    command.read()
-    os.killpg(0, signal.SIGKILL)  # this process leads its group: what it started ends as well
+def _end_with(pipe: Connection) -> None:
+    """Wait for the end of the process at the other end, then end this one and all that it started."""
+    with contextlib.suppress(EOFError, OSError):
+        pipe.recv()  # nothing else comes
+    os.killpg(0, signal.SIGKILL)  # this process leads its group
 
 
 def _in_one_line(error: Exception) -> str:

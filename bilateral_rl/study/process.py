@@ -8,7 +8,6 @@ those of `multiprocessing`, live on when their parent is killed.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -45,29 +44,25 @@ class JobProcess:
         self._folder, self._log, self._began = folder, log, time.monotonic()
         self._error: str | None = None
         log.parent.mkdir(parents=True, exist_ok=True)
-        receiver, sender = Pipe(duplex=False)
-        self.pipe: Connection | None = receiver
-        with log.open("ab") as output, sender:
+        this_end, job_end = Pipe()
+        self.pipe: Connection | None = this_end
+        with log.open("ab") as output, job_end:
             output.write(f"--- {job.name}, {time.strftime('%Y-%m-%d %H:%M:%S')}\n".encode())
             output.flush()
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-u", str(_ENTRY), str(sender.fileno())],
-                stdin=subprocess.PIPE,
+                [sys.executable, "-P", "-u", str(_ENTRY), str(job_end.fileno())],
+                stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                pass_fds=[sender.fileno()],
+                pass_fds=[job_end.fileno()],
                 env=os.environ | dict.fromkeys(_THREAD_LIMITS, str(job.threads)),
                 start_new_session=True,
             )
-        self._send_job()
-
-    def _send_job(self) -> None:
-        job = {"path": [entry or str(Path.cwd()) for entry in sys.path], "folder": str(self._folder.resolve())}
-        line = json.dumps(job | {"work": self.job.work, "arguments": dict(self.job.arguments)}) + "\n"
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it is dead already, and its exit code says why
-            self._process.stdin.write(line.encode())
-            self._process.stdin.flush()
+        path = [entry or str(Path.cwd()) for entry in sys.path]
+        with contextlib.suppress(OSError):  # it is dead already, and its exit code says why
+            this_end.send(
+                {"path": path, "folder": str(folder.resolve()), "work": job.work, "arguments": dict(job.arguments)}
+            )
 
     @property
     def ended(self) -> bool:
@@ -104,9 +99,6 @@ class JobProcess:
         """Wait for the end of the job, and return how it ended; ``interrupted`` says that it was asked to stop."""
         code = self._process.wait()
         self.reports()
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.close()
         state, error = JobState.FAILED, None
         if self.job.is_done(self._folder):
             state = JobState.DONE
