@@ -1,22 +1,25 @@
-"""Whatever reads files of somebody else's, with inputs for it: random ones, and sound ones that were damaged."""
+"""Whatever reads files of somebody else's, with inputs for it: random ones, sound ones that were damaged, and traps."""
 
 import contextlib
 import dataclasses
+import hashlib
 import json
 import signal
+import stat
 import struct
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
+import hostile_files as hostile
 import torch
 import yaml
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
+from rl_runs import small_rl
 
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.results import COLUMNS, read_results
@@ -24,19 +27,19 @@ from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.bptt.trainer import history_columns
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import CONFIGS, BPTTConfig, TrainConfig
+from bilateral_rl.config.schema import CONFIGS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
-from bilateral_rl.runs.policies import build_network, build_policy, load_policies, stack_states
+from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.outcome import learning_history
-from bilateral_rl.training import checkpoint as rl_state
+from bilateral_rl.training import checkpoint
 from bilateral_rl.training.build import build_algorithm
+from bilateral_rl.training.run import train
 
 SECONDS = 30
-"""That no input may take."""
+"""That no input may take: a pipe would be waited for forever."""
 READ, REFUSED = "read", "refused"
-_SMALL = {"n_envs": 2, "network": {"units": 4, "critic_arch": [4]}}
 _STUDY = {"algo": "bptt", "profile": "paper", "seeds": 3, "quick": True, "overrides": {"bptt": {"trials": 64}}}
 
 
@@ -48,31 +51,32 @@ class TooLate(BaseException):
 class Loader:
     """What reads a file."""
 
-    name: str
     path: Path
     """The file, sound as it is."""
     load: Callable[[], object]
     inputs: st.SearchStrategy[bytes]
     """Contents for it."""
+    traps: Callable[[bytes, Path], dict[str, bytes]]
+    """Contents that it must refuse, made of a sound one and of the file that appears if they are executed."""
     others: tuple[type[Exception], ...] = ()
     """What it may raise beside UserError, as its documentation says."""
 
-    def outcome(self, content: bytes) -> str:
-        """Whether ``content`` is read or refused. Anything else that happens is a fault, and raised."""
-        self.path.write_bytes(content)
-        before = _listing(self.path.parents[1])
+    def outcome(self, trap: hostile.Trap) -> str:
+        """Whether ``trap`` is read or refused. Anything else that happens is a fault, and raised."""
+        hostile.put(self.path, trap)
+        before = listing(self.path.parents[1])
         outcome = READ
-        with _in_time(), warnings.catch_warnings():
+        with in_time(), warnings.catch_warnings():
             warnings.simplefilter("error")
             try:
                 self.load()
             except UserError as error:
-                if not str(error).isprintable():
+                if not str(error).isprintable() or len(str(error)) > 5_000:
                     raise ValueError(f"not one line for people: {error!r}") from error
                 outcome = REFUSED
             except self.others:
                 outcome = REFUSED
-        assert _listing(self.path.parents[1]) == before, "a file was changed"
+        assert listing(self.path.parents[1]) == before, "a file was changed"
         return outcome
 
 
@@ -97,8 +101,43 @@ def fuzz(loader: Loader, n: int, number: int) -> Counter[str]:
         assert loader.outcome(sound) == READ
         run()
     finally:
-        loader.path.write_bytes(sound)
+        hostile.put(loader.path, sound)
     return outcomes
+
+
+def listing(folder: Path) -> dict[str, tuple[int, ...]]:
+    """Everything below ``folder``: its kind, and the size, time and contents of files."""
+    found = {}
+    for path in folder.rglob("*"):
+        status = path.lstat()
+        found[str(path)] = (status.st_mode,)
+        if not stat.S_ISDIR(status.st_mode):
+            small = stat.S_ISREG(status.st_mode) and status.st_size < 2**22
+            content = hashlib.sha256(path.read_bytes()).digest() if small else b""
+            found[str(path)] += (status.st_size, status.st_mtime_ns, content)
+    return found
+
+
+@contextlib.contextmanager
+def in_time():
+    def too_late(*_: object) -> None:
+        raise TooLate
+
+    before = signal.signal(signal.SIGALRM, too_late)
+    signal.alarm(SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def peak_memory(reset: bool = False) -> int:
+    """Of this process (bytes), since it was last reset."""
+    if reset:
+        Path("/proc/self/clear_refs").write_text("5")
+    (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    return 1024 * int(line.split()[1])
 
 
 # Inputs
@@ -204,126 +243,96 @@ def _for_tables(sound: bytes) -> st.SearchStrategy[bytes]:
 # Loaders
 
 
-def make_loaders(folder: Path) -> list[Loader]:
-    """Every one, on files below ``folder``."""
-    rl, bptt = _run(folder, resolve("ppo", None, [_SMALL])), _run(folder, _bptt_config())
-    replayed = _run(folder, resolve("sac", None, [_SMALL, {"sac": {"buffer_size": 40}}]))
-    loaders = [
-        _loader("config.yaml", rl, "config.yaml", _for_text, lambda: rl.config()),
-        _loader("config.yaml (bptt)", bptt, "config.yaml", _for_text, lambda: bptt.config()),
-        _loader("config.yaml (sac)", replayed, "config.yaml", _for_text, lambda: replayed.config()),
-        _loader("status.json", rl, "status.json", _for_text, rl.status),
-    ]
-    for name, run in (("", rl), (" (bptt)", bptt), (" (sac)", replayed)):
-        loaders.append(_loader(f"weights{name}", run, "weights/final.safetensors", _for_tensors, _load(run)))
-    for name, run in (("", rl), (" (bptt)", bptt), (" (sac)", replayed)):
-        loaders.append(_loader(f"resume{name}", run, "resume.safetensors", _for_tensors, _restore(run), (ValueError,)))
-    place = RunFolder(folder / "beside")
-    (place.path / "results").mkdir(parents=True)
-    place.write_json("settings.json", {"run": "x", "weights": "final", "trials": 4})
-    place.write_text("study.yaml", yaml.safe_dump(_STUDY))
-    place.write_text("results/cc_s.csv", _results().to_csv(index=False))
-    results = place.path / "results/cc_s.csv"
-    return [
-        *loaders,
-        _loader("settings.json", place, "settings.json", _for_text, lambda: place.read_json("settings.json")),
-        _loader("study.yaml", place, "study.yaml", _for_text, lambda: claimed_folder(place.path, _STUDY).__enter__()),
-        _loader("results", place, "results/cc_s.csv", _for_tables, lambda: read_results(results)),
-        _loader("epochs.csv", bptt, "epochs.csv", _for_tables, lambda: learning_history({"cc_s": [bptt]})),
-        _loader("evaluations.csv", rl, "evaluations.csv", _for_tables, lambda: learning_history({"cc_s": [rl]})),
-    ]
+def make_loaders(folder: Path) -> dict[str, Loader]:
+    """Every one by name, on files of small runs and of a study below ``folder``."""
+    tiny = {"network": {"units": 4, "critic_arch": [4]}, "timesteps": 400}
+    small_bptt = {"seeds": 2, "epochs": 3, "bptt": {"trials": 32, "batch_size": 16, "validation_trials": 8}}
+    configs = {
+        "ppo": small_rl("ppo", **tiny),
+        "sac": small_rl("sac", **tiny, sac={"buffer_size": 40}),
+        "bptt": resolve("bptt", None, [small_bptt, {"network": {"units": 4}, "trial": {"trial_length": 5}}]),
+    }
+    loaders = {}
+    for algo, config in configs.items():
+        run = train(config, folder).folder
+        if algo != "bptt":  # without what a training adds to it
+            run.save_resume({name: t.clone() for name, t in checkpoint.state_tensors(_algorithm(config)).items()})
+        loaders |= {
+            f"config.yaml ({algo})": _loader(run, "config.yaml", run.config, _for_text, _yaml),
+            f"weights ({algo})": _loader(run, "weights/final.safetensors", _load(run), _for_tensors, _tensors),
+            f"resume ({algo})": _loader(run, "resume.safetensors", _restore(run), _for_tensors, _tensors, ValueError),
+            f"status.json ({algo})": _loader(run, "status.json", run.status, _for_text, _json),
+        }
+        table = "epochs.csv" if algo == "bptt" else "evaluations.csv"
+        loaders[f"{table} ({algo})"] = _loader(run, table, _draw(run), _for_tables, _table)
+    beside = RunFolder(folder / "beside")
+    (beside.path / "results").mkdir(parents=True)
+    beside.write_text("study.yaml", yaml.safe_dump(_STUDY))
+    beside.write_text("results/cc_s.csv", _results())
+    results = beside.path / "results/cc_s.csv"
+    return loaders | {
+        "study.yaml": _loader(beside, "study.yaml", lambda: _claim(beside.path), _for_text, _yaml),
+        "results": _loader(beside, "results/cc_s.csv", lambda: read_results(results), _for_tables, _table),
+    }
 
 
-def _loader(
-    name: str,
-    run: RunFolder,
-    file: str,
-    inputs: Callable[[bytes], st.SearchStrategy[bytes]],
-    load: Callable[[], object],
-    others: tuple[type[Exception], ...] = (),
-) -> Loader:
+def _loader(run: RunFolder, file: str, load: Callable[[], object], inputs: Any, traps: Any, *others: Any) -> Loader:
     path = run.path / file
-    return Loader(name, path, load, inputs(path.read_bytes()), others)
+    return Loader(path, load, inputs(path.read_bytes()), traps, others)
 
 
-def _bptt_config() -> BPTTConfig:
-    config = resolve("bptt", None, [{"seeds": 2, "network": {"units": 4}, "trial": {"trial_length": 5}}])
-    assert isinstance(config, BPTTConfig)
-    return config
+def _yaml(sound: bytes, canary: Path) -> dict[str, bytes]:
+    return hostile.yaml_traps(canary)
 
 
-def _run(folder: Path, config: TrainConfig) -> RunFolder:
-    """A run as if it had been trained, with all that loaders read."""
-    run = RunFolder.create(folder, config)
-    if isinstance(config, BPTTConfig):
-        networks = {one: build_network(config).state_dict() for one in config.all_seeds}
-        run.save_weights("final", stack_states(networks))
-        layout = Layout(build_network(config))
-        columns = history_columns(config, layout)
-        run.save_resume(TrainingState.start(layout.pack(list(networks.values())), len(columns)).tensors())
-        rows = pd.DataFrame(1.5, range(6), columns).assign(seed=[0, 0, 0, 1, 1, 1], epoch=[1, 2, 3] * 2)
-        run.write_text("epochs.csv", rows.to_csv(index=False))
-        run.write_json("status.json", {"state": "interrupted", "epochs": 3, "updates": 3, "weights": "final"})
-        return run
-    run.save_weights("final", build_policy(config).state_dict())
-    run.save_resume(_rl_state(config))
-    measures = ["goal_completion_percent", "time_in_goal_steps", "final_error_cm", "return_scalar"]
-    run.write_text(
-        "evaluations.csv", pd.DataFrame(1.5, range(3), measures).assign(timesteps=range(3)).to_csv(index=False)
-    )
-    run.write_json("status.json", {"state": "finished", "timesteps": 100, "updates": 5, "weights": "final"})
-    return run
+def _json(sound: bytes, canary: Path) -> dict[str, bytes]:
+    return hostile.JSONS
 
 
-def _algorithm(config: TrainConfig) -> Any:
-    algorithm = build_algorithm(config)  # type: ignore[arg-type]
-    torch.set_num_threads(1)
-    algorithm._setup_learn(1)
-    return algorithm
+def _table(sound: bytes, canary: Path) -> dict[str, bytes]:
+    return hostile.TABLES
 
 
-def _rl_state(config: TrainConfig) -> dict[str, torch.Tensor]:
-    return {name: tensor.clone() for name, tensor in rl_state.state_tensors(_algorithm(config)).items()}
+def _tensors(sound: bytes, canary: Path) -> dict[str, bytes]:
+    return hostile.tensor_traps(sound)
 
 
 def _load(run: RunFolder) -> Callable[[], object]:
     return lambda: load_policies(run)
 
 
+def _draw(run: RunFolder) -> Callable[[], object]:
+    return lambda: learning_history({"cc_s": [run]})
+
+
 def _restore(run: RunFolder) -> Callable[[], object]:
     config = run.config()
-    if isinstance(config, BPTTConfig):
+    if config.algo == "bptt":
         layout = Layout(build_network(config))
-        sizes = (config.seeds, layout.width, len(history_columns(config, layout)))
+        sizes = (len(config.all_seeds), layout.width, len(history_columns(config, layout)))  # type: ignore[arg-type]
         return lambda: TrainingState.from_tensors(run.load_resume(), *sizes)
-    return lambda: rl_state.restore(_algorithm(config), run.load_resume())
+    return lambda: checkpoint.restore(_algorithm(config), run.load_resume())
 
 
-def _results() -> pd.DataFrame:
+def _algorithm(config: Any) -> Any:
+    algorithm = build_algorithm(config)
+    torch.set_num_threads(1)
+    algorithm._setup_learn(1)
+    return algorithm
+
+
+def _claim(folder: Path) -> None:
+    with claimed_folder(folder, _STUDY):
+        pass
+
+
+def _results() -> str:
     names = [metric.name for metric in metrics_of("random_reach", [0.05])]
     rows = [
-        ("cc_s", "random_reach", "bptt", one, lesion, retrained, name, 0.5 + one)
+        f"cc_s,random_reach,bptt,{one},{lesion},{retrained},{name},{0.5 + one}"
         for one in range(2)
         for lesion in ("intact", "callosum")
         for retrained in (False, True)
         for name in names
     ]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def _listing(folder: Path) -> list[tuple[str, int, int]]:
-    return sorted((str(path), path.lstat().st_size, path.lstat().st_mtime_ns) for path in folder.rglob("*"))
-
-
-@contextlib.contextmanager
-def _in_time() -> Iterator[None]:
-    def too_late(*_: object) -> None:
-        raise TooLate
-
-    before = signal.signal(signal.SIGALRM, too_late)
-    signal.alarm(SECONDS)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+    return "\n".join([",".join(COLUMNS), *rows, ""])

@@ -1,11 +1,12 @@
 from itertools import combinations
 
+import matplotlib
 import pytest
 from matplotlib.colors import to_rgb
 
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.labels import axis_label, lesion_label, model_label, task_label
-from bilateral_rl.figures.style import MODEL_STYLES, families, in_order, model_style
+from bilateral_rl.figures.style import MODEL_STYLES, families, forget_working_folder, in_order, model_style
 
 
 def lightness(color):
@@ -60,3 +61,19 @@ def test_lesions_in_words(name, words):
 def test_axis_labels_keep_a_number_with_its_unit(completion, deviation):
     assert axis_label(completion) == "Goal completion\nwithin 5\u00a0cm (%)"
     assert axis_label(deviation) == "Maximal\nperpendicular\ndeviation (cm)"
+
+
+def test_figures_do_not_follow_the_settings_of_the_working_folder(tmp_path, monkeypatch):
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\n")
+    monkeypatch.chdir(tmp_path)
+    with matplotlib.rc_context(fname="matplotlibrc"):
+        assert matplotlib.rcParams["text.usetex"]
+        forget_working_folder()
+        assert not matplotlib.rcParams["text.usetex"]
+
+
+def test_figures_follow_the_settings_of_their_user(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with matplotlib.rc_context({"lines.linewidth": 7}):
+        forget_working_folder()
+        assert matplotlib.rcParams["lines.linewidth"] == 7
