@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
 import json
-import os
-import platform
 import shutil
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,35 +18,40 @@ from bilateral_rl.io import files, locks
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.io.yaml_files import read_settings
+from bilateral_rl.runs.versions import versions
 
 if TYPE_CHECKING:
     from bilateral_rl.io.tensors import Tensors
 
 FINAL, BEST = "final", "best"
-"""Names of weights."""
+"""The names of a run's weights at its end and at its best evaluation."""
 RUNNING, FINISHED, INTERRUPTED, FAILED, IMPORTED = "running", "finished", "interrupted", "failed", "imported"
-"""States of a run."""
-LARGEST_JSON, LARGEST_WEIGHTS, LARGEST_RESUME = 2**20, 2**30, 2**32
-"""Bytes: the most that a configuration within bounds comes to."""
-MOST_STEPS = 2**63
-"""Of any count in ``status.json``."""
-
-_PACKAGES = ("gymnasium", "numpy", "safetensors", "stable-baselines3", "torch", "warp-lang")
+"""The states of a run, as ``status.json`` names them."""
+_LARGEST_JSON, _LARGEST_WEIGHTS, _LARGEST_RESUME = 2**20, 2**30, 2**32
+"""Largest files that are read, in bytes: no configuration within bounds makes larger ones."""
+_LARGEST_COUNT = 2**63 - 1
+"""The largest number of steps, epochs or updates that ``status.json`` may name: torch and NumPy hold no larger one."""
+_STATUS_TYPES = {"state": str, "timesteps": int, "epochs": int, "updates": int, "weights": str, "seeds": list}
 
 
 @dataclass(frozen=True)
 class RunFolder:
-    """``<out>/<task>/<model>-<algo>-<n>/``.
+    """The folder of a run, ``<out>/<task>/<model>-<algo>-<n>/``.
 
-    It may be somebody else's. Whatever is read here is data and nothing else, of a size that it can have, and lies in
-    the folder.
+    Somebody else may have made it: whatever is read here lies in the folder, is of a size that it can have, and is
+    data that is never executed.
     """
 
     path: Path
+    """The folder, with ``config.yaml`` in it."""
 
     @classmethod
     def create(cls, out: Path, config: TrainConfig) -> RunFolder:
-        """Make the next free folder and write the configuration and versions. Raises UserError if it cannot."""
+        """Make the next free folder below ``out``, and write the configuration and versions into it.
+
+        Raises:
+            UserError: the folder or a file of it cannot be written; then nothing is left.
+        """
         parent = out / config.task
         try:
             parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +66,11 @@ class RunFolder:
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
-        """An existing run. Raises UserError if it is missing or is no run."""
+        """Open an existing run.
+
+        Raises:
+            UserError: there is nothing at ``path``, or something that is no run.
+        """
         try:
             is_folder, is_zip = path.is_dir(), path.suffix.lower() == ".zip" and path.is_file()
             is_run = (path / "config.yaml").is_file()
@@ -109,7 +114,7 @@ class RunFolder:
         self.write_text("config.yaml", yaml.safe_dump(config.to_values(), sort_keys=False))
 
     def config(self) -> TrainConfig:
-        """The resolved configuration. Raises UserError if it is damaged."""
+        """Read the resolved configuration. Raises UserError if it is damaged."""
         values = read_settings(self.path / "config.yaml", within=self.path)
         try:
             return resolve(None, None, [values])
@@ -117,19 +122,18 @@ class RunFolder:
             raise UserError(f"{self.path / 'config.yaml'} describes no training: {error}") from None
 
     def status(self) -> dict[str, Any]:
-        """``status.json``: state, weights and how far it came; or an empty dictionary. Raises UserError if damaged."""
+        """Read ``status.json``: the state, the weights and how far the training came; empty if it was never saved.
+
+        Raises:
+            UserError: the file is damaged.
+        """
         status = self.read_json("status.json", default={})
-        types = {"state": str, "timesteps": int, "epochs": int, "updates": int, "weights": str, "seeds": list}
-        if (
-            not isinstance(status, dict)
-            or any(type(status.get(name, kind())) is not kind for name, kind in types.items())
-            or any(not 0 <= status.get(name, 0) < MOST_STEPS for name, kind in types.items() if kind is int)
-        ):
+        if not (isinstance(status, dict) and all(map(_makes_sense, status, status.values()))):
             raise UserError(f"{self.path / 'status.json'} is damaged: it does not say how far the training came.")
         return status
 
     def save_weights(self, name: str, tensors: Tensors) -> None:
-        """Write ``weights/<name>.safetensors``."""
+        """Write ``weights/<name>.safetensors``, whole or not at all. Raises OSError."""
         self._write_tensors(f"weights/{name}.safetensors", tensors)
 
     def load_weights(self, name: str) -> Tensors:
@@ -139,9 +143,9 @@ class RunFolder:
         names = self.weight_names()
         path = self.path / "weights" / f"{name}.safetensors"
         try:
-            if name not in names:  # nor are names that lead elsewhere
+            if name not in names:  # which keeps out names that lead elsewhere
                 raise FileNotFoundError
-            tensors = tensor_files.load(path, LARGEST_WEIGHTS, within=self.path)
+            tensors = tensor_files.load(path, _LARGEST_WEIGHTS, within=self.path)
         except FileNotFoundError:
             raise UserError(f"{path} does not exist; the run's weights are: {', '.join(names) or 'none'}.") from None
         broken = [key for key, tensor in tensors.items() if tensor.is_floating_point() and not tensor.isfinite().all()]
@@ -150,9 +154,9 @@ class RunFolder:
         return tensors
 
     def weights_hash(self, name: str) -> str:
-        """Say in 16 characters which weights these are: results that carry another hash are of other weights.
+        """Say in 16 characters which weights these are, for results that must tell when they are of others.
 
-        It is that of the tensors' names, types, shapes and values, however the file arranges them.
+        The hash is that of the tensors' names, types, shapes and values, however the file arranges them.
 
         Raises:
             UserError: the weights are missing, damaged or not finite.
@@ -166,35 +170,35 @@ class RunFolder:
         return sorted(path.stem for path in (self.path / "weights").glob("*.safetensors"))
 
     def save_resume(self, tensors: Tensors) -> None:
-        """Write what ``--resume`` needs beside the weights."""
+        """Write ``resume.safetensors``, what ``--resume`` needs beside the weights. Raises OSError."""
         self._write_tensors("resume.safetensors", tensors)
 
     def load_resume(self) -> Tensors:
-        """What :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
+        """Read what :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
         from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
 
         path = self.path / "resume.safetensors"
         try:
-            return tensor_files.load(path, LARGEST_RESUME, within=self.path)
+            return tensor_files.load(path, _LARGEST_RESUME, within=self.path)
         except FileNotFoundError:
             raise UserError(f"{path} does not exist, and without it the training cannot go on.") from None
 
     def write_json(self, name: str, values: Any) -> None:
-        """Write ``name`` as JSON."""
+        """Write ``values`` into the JSON file ``name``, whole or not at all. Raises OSError."""
         self.write_text(name, json.dumps(values, indent=2) + "\n")
 
     def read_json(self, name: str, default: Any = None) -> Any:
-        """``name`` as JSON, or ``default`` if it is missing. Raises UserError if it is damaged."""
+        """Read the JSON file ``name``; ``default`` stands for a missing one. Raises UserError if it is damaged."""
         path = self.path / name
         try:
-            return json.loads(files.read(path, LARGEST_JSON, within=self.path))
+            return json.loads(files.read(path, _LARGEST_JSON, within=self.path))
         except FileNotFoundError:
             return default
         except (ValueError, RecursionError) as error:
             raise UserError(f"{path} is damaged: {error}.") from None
 
     def write_text(self, name: str, text: str) -> None:
-        """Write ``name`` whole or not at all."""
+        """Write the text file ``name``, whole or not at all. Raises OSError."""
         with replacing(self.path / name) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
 
@@ -206,26 +210,8 @@ class RunFolder:
 
 
 def find_runs(out: Path) -> list[RunFolder]:
-    """Every run below ``out``, oldest first within each task and model."""
+    """List the runs below ``out``, oldest first within each task and model."""
     return [RunFolder(path.parent) for path in sorted(out.glob("*/*/config.yaml"), key=_natural)]
-
-
-def versions() -> dict[str, Any]:
-    """Versions of what computes, the git commit if the code is in a checkout, and the machine."""
-    import torch
-
-    from bilateral_rl import __version__
-
-    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
-
-    return {
-        "bilateral-rl": __version__,
-        "commit": _git_commit(),
-        "python": platform.python_version(),
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
-        "torch_device": torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu",
-        **packages,
-    }
 
 
 @contextlib.contextmanager
@@ -235,17 +221,6 @@ def _removed_if_it_fails(folder: Path) -> Iterator[None]:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-
-
-def _git_commit() -> str | None:
-    here = Path(__file__).resolve().parent
-    if not (here.parent / "pyproject.toml").is_file():
-        return None  # installed: a repository around it would be somebody else's
-    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return None
 
 
 def _next_free(parent: Path, stem: str) -> Path:
@@ -261,6 +236,14 @@ def _next_free(parent: Path, stem: str) -> Path:
             return path
 
 
+def _makes_sense(name: str, value: Any) -> bool:
+    """Whether ``status.json`` can hold this value; names that others have added may have any."""
+    if name in _STATUS_TYPES and type(value) is not _STATUS_TYPES[name]:
+        return False
+    return _STATUS_TYPES.get(name) is not int or 0 <= value <= _LARGEST_COUNT
+
+
 def _natural(path: Path) -> tuple[str, str, int]:
+    """Sort cc_s-ppo-2 before cc_s-ppo-10."""
     stem, _, number = path.parent.name.rpartition("-")
     return path.parent.parent.name, stem, int(number) if number.isdecimal() else 0

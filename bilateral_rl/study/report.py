@@ -18,7 +18,7 @@ from bilateral_rl.claims import Claim, margins
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.io.files import replacing
-from bilateral_rl.runs.folder import versions
+from bilateral_rl.runs.versions import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import RADII, Study
 from bilateral_rl.study.tables import ReportTable

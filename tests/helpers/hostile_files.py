@@ -6,6 +6,7 @@ import os
 import pickle
 import shutil
 import struct
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +28,14 @@ class Canary:
 
     def __reduce__(self):
         return Path.touch, (Path(self.path),)
+
+
+def sb3_saved(canary):
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("data", json.dumps({"policy_class": {":serialized:": pickle.dumps(Canary(canary)).hex()}}))
+        archive.writestr("policy.pth", pickles(canary)["a pickle of torch's"])
+    return buffer.getvalue()
 
 
 def pickles(canary):

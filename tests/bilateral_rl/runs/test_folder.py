@@ -1,6 +1,8 @@
 import dataclasses
 import errno
 import os
+import shutil
+import subprocess
 import threading
 from pathlib import Path
 
@@ -37,6 +39,16 @@ def test_a_run_records_the_versions_that_made_it(run):
     versions = run.read_json("versions.json")
     assert versions["torch"] == torch.__version__
     assert {"bilateral-rl", "commit", "python", "stable-baselines3", "warp-lang"} <= versions.keys()
+
+
+def test_a_run_of_a_checkout_records_its_commit(run):
+    root = Path(__file__).parents[3]
+    if shutil.which("git") is None or not (root / ".git").exists():
+        pytest.skip("no checkout")
+    commit = run.read_json("versions.json")["commit"]
+    command = ["git", "-C", str(root), "rev-parse", "HEAD"]
+    head = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert head.startswith(commit.removesuffix("-dirty"))
 
 
 @pytest.mark.parametrize(
