@@ -53,6 +53,9 @@ RELEASED_LESIONS: dict[str, Lesion] = LESIONS | {
 }
 """The seven lesions as the paper's released code has them: the combined ones zero a side's input, not its output."""
 
+LESIONS_OF: dict[str, dict[str, Lesion]] = {"paper": LESIONS, "released": RELEASED_LESIONS}
+"""The lesions of each profile."""
+
 
 def find_lesion(name: str, lesions: dict[str, Lesion] = LESIONS) -> Lesion:
     """Return the lesion called ``name``, or :data:`NO_LESION` for "intact".

@@ -8,11 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from decimal import Decimal
 
+from bilateral_rl.envs.tasks import HoldPosition, RandomReach
+
 REPORTED_RADII = (0.02, 0.03, 0.05)
 """Goal radii that every evaluation reports (m; paper section 3)."""
 
 STUDY_RADII = (0.01, *REPORTED_RADII)
-"""Goal radii of the metrics in a study's table of results (m): with that by which it judges holds."""
+"""Goal radii of the metrics in tables of results (m): with that by which studies judge holds."""
+
+JUDGED_RADII = {RandomReach.id: 0.05, HoldPosition.id: 0.01}
+"""Goal radius by which a study judges each task (m). The paper leaves it open; it was chosen for claims C1 to C3."""
 
 
 def in_centimeters(radius: float) -> str:

@@ -2,7 +2,6 @@
 
 from bilateral_rl.claims.claim import Claim, Component
 from bilateral_rl.claims.evaluation import evaluate_claims
-from bilateral_rl.claims.evidence import ClaimSettings
 from bilateral_rl.claims.rules import Verdict
 
-__all__ = ["Claim", "ClaimSettings", "Component", "Verdict", "evaluate_claims"]
+__all__ = ["Claim", "Component", "Verdict", "evaluate_claims"]

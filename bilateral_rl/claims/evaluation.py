@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import pandas as pd
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.claims import intact, lesioned, unilateral
 from bilateral_rl.claims.claim import Claim, Component
-from bilateral_rl.claims.evidence import ClaimSettings, Evidence
-
-DEFAULTS = ClaimSettings()
+from bilateral_rl.claims.evidence import Evidence
 
 
 @dataclass(frozen=True)
@@ -80,16 +79,16 @@ CLAIMS: dict[str, OnModels] = {
 """The paper's claims (section 7) by number."""
 
 
-def evaluate_claims(results: pd.DataFrame, settings: ClaimSettings = DEFAULTS) -> list[Claim]:
+def evaluate_claims(results: pd.DataFrame, radii: Mapping[str, float] = JUDGED_RADII) -> list[Claim]:
     """Evaluate every claim.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm; a model, task or lesion that is
             missing leaves the components that need it undecided.
-        settings: the goals' radii.
+        radii: radius of the goal by task (m).
 
     Raises:
         UserError: results of several algorithms, several values of one seed, or a radius that no goal can have.
     """
-    evidence = Evidence(results, settings)
+    evidence = Evidence(results, radii)
     return [claim.evaluate(number, evidence) for number, claim in CLAIMS.items()]

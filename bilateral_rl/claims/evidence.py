@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pandas as pd
@@ -20,16 +21,6 @@ from bilateral_rl.policies.lesions import lesion_words
 from bilateral_rl.vocabulary import Side
 
 _NUMBER = {model: number for number, model in enumerate(MODELS)}
-
-
-@dataclass(frozen=True)
-class ClaimSettings:
-    """Settings that the paper leaves open."""
-
-    reach_radius: float = 0.05
-    """Radius of the goal in random_reach (m)."""
-    hold_radius: float = 0.05
-    """Radius of the goal in hold_position (m)."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +69,7 @@ class Evidence:
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
-        settings: the goals' radii.
+        radii: radius of the goal by task (m).
 
     Attributes:
         completion, speed, hold: the measures of the claims.
@@ -88,14 +79,14 @@ class Evidence:
         UserError: results of several algorithms, or a radius that no goal can have.
     """
 
-    def __init__(self, results: pd.DataFrame, settings: ClaimSettings) -> None:
+    def __init__(self, results: pd.DataFrame, radii: Mapping[str, float]) -> None:
         algorithms = sorted(set(results["algo"]))
         if len(algorithms) > 1:
             raise UserError(f"Claims are tested on results of one algorithm, not of {' and '.join(algorithms)}.")
         reach, hold = RandomReach.id, HoldPosition.id
-        self.completion = Measure(find_metric(preferred_metric(reach, settings.reach_radius)), reach)
-        self.speed = Measure(find_metric(metric_name("speed_to_goal", settings.reach_radius)), reach)
-        self.hold = Measure(find_metric(preferred_metric(hold, settings.hold_radius)), hold)
+        self.completion = Measure(find_metric(preferred_metric(reach, radii[reach])), reach)
+        self.speed = Measure(find_metric(metric_name("speed_to_goal", radii[reach])), reach)
+        self.hold = Measure(find_metric(preferred_metric(hold, radii[hold])), hold)
         self.retrained = True
         self._results = results
         self._values: dict[tuple[str, State], pd.Series] = {}

@@ -148,6 +148,11 @@ class TrainConfig:
         """The model's architecture and loss."""
         return find_model(self.model)
 
+    @property
+    def lesion_profile(self) -> Profile:
+        """Whose lesions the networks get when they are tested: the paper's or those of its released code."""
+        return "paper"
+
     def to_values(self) -> Values:
         """Return nested dictionaries of plain numbers, strings and lists."""
         return typing.cast(Values, plain(dataclasses.asdict(self)))
@@ -245,6 +250,10 @@ class BPTTConfig(TrainConfig):
     def updates_per_epoch(self) -> int:
         """Updates of each network in an epoch."""
         return self.bptt.trials // self.bptt.batch_size
+
+    @property
+    def lesion_profile(self) -> Profile:
+        return self.profile
 
     @property
     def penalty(self) -> Penalty:

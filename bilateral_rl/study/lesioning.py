@@ -18,7 +18,7 @@ from bilateral_rl.config.schema import BPTTConfig, SupervisedConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, Lesion, find_lesion
+from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.study.retraining import Retraining
@@ -26,8 +26,6 @@ from bilateral_rl.vocabulary import PENALTIES, PROFILES, TEST_SEED, TEST_TRIALS
 
 OnState = Callable[[int, int, str], None]
 """Called with how many states of how many are done, and the name of the next one."""
-
-_LESIONS_OF_PROFILE: dict[str, dict[str, Lesion]] = {"paper": LESIONS, "released": RELEASED_LESIONS}
 
 
 @dataclass(frozen=True)
@@ -166,10 +164,10 @@ def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]
 
 def _lesions_of(config: TrainConfig, profile: str | None) -> dict[str, Lesion]:
     """The lesions of ``profile``, or of the run's. Raises UserError for an unknown one."""
-    profile = profile or (config.profile if isinstance(config, BPTTConfig) else "paper")
-    if profile not in _LESIONS_OF_PROFILE:
-        raise UserError(f"Unknown profile {profile!r}; choose from {', '.join(_LESIONS_OF_PROFILE)}.")
-    return _LESIONS_OF_PROFILE[profile]
+    profile = profile or config.lesion_profile
+    if profile not in LESIONS_OF:
+        raise UserError(f"Unknown profile {profile!r}; choose from {', '.join(LESIONS_OF)}.")
+    return LESIONS_OF[profile]
 
 
 def _make_retraining(config: TrainConfig, layout: Layout, settings: LesionSettings) -> Retraining:

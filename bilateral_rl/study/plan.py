@@ -26,8 +26,6 @@ _QUICK: dict[str, Values] = {
     "sac": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
     "td3": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
 }
-RADII = {"random_reach": 0.05, "hold_position": 0.01}
-"""Radius of each task's goal, by which claims are judged (m)."""
 CALIBRATED: dict[str, Values] = {
     "random_reach": {"bptt": {"penalty": "weights", "penalty_coefficient": 1e-3}},
     "hold_position": {"bptt": {"penalty": "weights", "penalty_coefficient": 3e-5}},

@@ -13,6 +13,7 @@ from typing import Any
 import jinja2
 import yaml
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.claims import Claim, margins
 from bilateral_rl.config.schema import TrainConfig
@@ -20,7 +21,7 @@ from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.io.files import replacing
 from bilateral_rl.runs.versions import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
-from bilateral_rl.study.plan import RADII, Study
+from bilateral_rl.study.plan import Study
 from bilateral_rl.study.tables import ReportTable
 
 LOG_LINES, LOG_BYTES = 25, 2**16
@@ -95,7 +96,7 @@ def _values(findings: Findings) -> dict[str, Any]:
         "calibrated": _CALIBRATED if _is_calibrated(study) else (),
         "rule": _RULE,
         "lesions": _LESIONS,
-        "metrics": list({m.name: m for task in RADII for m in metrics_of(task, [RADII[task]])}.values()),
+        "metrics": list({m.name: m for task in JUDGED_RADII for m in metrics_of(task, [JUDGED_RADII[task]])}.values()),
         "tables": findings.tables,
         **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
@@ -114,8 +115,8 @@ def _subtitle(study: Study) -> str:
     trained = f"profile {study.profile}, " if study.algo == "bptt" else ""
     return (
         "Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: seven models on two tasks, "
-        f"{trained}{study.seeds} seeds each. Goal radius: reach {100 * RADII['random_reach']:g} cm, "
-        f"hold {100 * RADII['hold_position']:g} cm. Verdicts are computed from the results."
+        f"{trained}{study.seeds} seeds each. Goal radius: reach {100 * JUDGED_RADII['random_reach']:g} cm, "
+        f"hold {100 * JUDGED_RADII['hold_position']:g} cm. Verdicts are computed from the results."
     )
 
 

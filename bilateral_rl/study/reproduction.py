@@ -7,14 +7,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from bilateral_rl.claims import Claim, ClaimSettings, evaluate_claims
+from bilateral_rl.analysis.goals import JUDGED_RADII
+from bilateral_rl.claims import Claim, evaluate_claims
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.files import replacing
 from bilateral_rl.study.drawing import draw_study
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import results_of, runs_of
-from bilateral_rl.study.plan import RADII, Study
+from bilateral_rl.study.plan import Study
 from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.tables import ReportTable, study_tables
 
@@ -41,15 +42,14 @@ def conclude(
     configs = study.configs()
     results = results_of(folder, configs)
     say("computing the claims")
-    settings = ClaimSettings(reach_radius=RADII["random_reach"], hold_radius=RADII["hold_position"])
-    claims = evaluate_claims(results, settings)
-    tables = list(study_tables(results, RADII))
+    claims = evaluate_claims(results, JUDGED_RADII)
+    tables = list(study_tables(results, JUDGED_RADII))
     _write(results, claims, tables, folder)
     say("drawing the figures")
     runs = {task: runs_of(folder, [config for config in configs if config.task == task]) for task in TASKS}
     pictures = [
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
-        for drawing in draw_study(results, RADII, runs)
+        for drawing in draw_study(results, JUDGED_RADII, runs)
     ]
     say("writing the report")
     write_report(Findings(study, configs, outcomes, claims, tables, pictures), folder / REPORT)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bilateral_rl.analysis.trials import Evaluator
-from bilateral_rl.config.schema import BPTTConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import printable
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.policies.lesions import INTACT, LESIONS, RELEASED_LESIONS, lesion_words
+from bilateral_rl.policies.lesions import INTACT, LESIONS_OF, lesion_words
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies, parse_run
 from bilateral_rl.video.film import Performance
@@ -73,13 +73,12 @@ class Actor:
                 f"{', '.join(have)}: choose another --lesion or leave the run out."
             )
 
-    def perform(self, evaluator: Evaluator, lesion: str, threshold: float, label: str) -> Performance:
+    def perform(self, evaluator: Evaluator, lesion: str, radius: float, label: str) -> Performance:
         """Do the trials with a lesion, that of the run's profile as in ``bilateral-rl lesion``, without exploration."""
-        released = isinstance(self.config, BPTTConfig) and self.config.profile == "released"
-        lesions = RELEASED_LESIONS if released else LESIONS
+        lesions = LESIONS_OF[self.config.lesion_profile]
         with self.policy.motor_network.lesioned(lesions.get(lesion, lesion)):
             record = evaluator.run(self.policy)
-        return Performance(label, record, threshold)
+        return Performance(label, record, radius)
 
 
 def labels(actors: Sequence[Actor], lesion: str) -> list[str]:

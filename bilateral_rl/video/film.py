@@ -28,7 +28,7 @@ class Performance:
     """The network in words."""
     record: TrialRecord
     """Its trials."""
-    threshold: float
+    radius: float
     """Radius of the goal (m)."""
 
     def scene(self, trial: int, step: int, caption: str) -> Scene:
@@ -40,7 +40,7 @@ class Performance:
             activation=record.activation[trial, step - 1] if step else rest,
             target=record.target[trial],
             path=record.hand[trial, : step + 1],
-            threshold=self.threshold,
+            threshold=self.radius,
             load=record.load[trial],
             caption=f"{self.label}\n{caption}\n{self.goal(trial, step)}",
         )
@@ -48,8 +48,8 @@ class Performance:
     def goal(self, trial: int, step: int) -> str:
         """Say how the trial stands after ``step`` steps, by the measures of ``evaluate`` (paper section 3)."""
         distance, start = self.record.distance[trial], self.record.start_distance[trial]
-        so_far = trial_measures(distance[None, : max(step, 1)], start[None], self.threshold)
-        if start <= self.threshold:
+        so_far = trial_measures(distance[None, : max(step, 1)], start[None], self.radius)
+        if start <= self.radius:
             return f"in the goal {so_far.time_in_goal[0] if step else 0} of {step} steps"
         if step and so_far.goal_completion[0]:
             return "goal reached"

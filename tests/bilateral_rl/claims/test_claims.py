@@ -8,11 +8,12 @@ import pytest
 from made_up_results import make_results
 from scipy.stats import ttest_rel
 
-from bilateral_rl.claims import ClaimSettings, evaluate_claims
+from bilateral_rl.claims import evaluate_claims
 from bilateral_rl.claims.evaluation import CLAIMS
 from bilateral_rl.claims.evidence import Evidence
 from bilateral_rl.io.errors import UserError
 
+RADII = {"random_reach": 0.05, "hold_position": 0.05}
 NUMBERS = [f"C{i}" for i in range(1, 15)]
 ON_LESIONS = ["C4", "C5", "C6", "C7", "C8"]
 # Changes of single means (model, measure, lesion), and the components that they contradict.
@@ -86,13 +87,13 @@ def _no_warnings():
         yield
 
 
-def evaluate(number, results, **settings):
-    return CLAIMS[number].evaluate(number, Evidence(results, ClaimSettings(**settings)))
+def evaluate(number, results, hold_radius=0.05):
+    return CLAIMS[number].evaluate(number, Evidence(results, RADII | {"hold_position": hold_radius}))
 
 
 @pytest.fixture(scope="module")
 def papers_world():
-    return {claim.number: claim for claim in evaluate_claims(make_results())}
+    return {claim.number: claim for claim in evaluate_claims(make_results(), RADII)}
 
 
 def test_there_are_fourteen(papers_world):
@@ -100,7 +101,7 @@ def test_there_are_fourteen(papers_world):
 
 
 def verdicts(results):
-    return {claim.number: claim.verdict for claim in evaluate_claims(results)}
+    return {claim.number: claim.verdict for claim in evaluate_claims(results, RADII)}
 
 
 def test_results_like_the_papers_support_every_claim(papers_world):
@@ -131,7 +132,7 @@ def test_every_claim_is_contradicted_by_something():
 
 
 def test_without_results_nothing_is_decided():
-    for claim in evaluate_claims(make_results().iloc[:0]):
+    for claim in evaluate_claims(make_results().iloc[:0], RADII):
         assert claim.verdict == "undecided"
         assert "no results of " in claim.note
         assert "no results of " in claim.numbers
@@ -161,14 +162,14 @@ def test_a_missing_model_does_not_save_a_claim_that_another_contradicts():
 
 
 def test_one_seed_decides_nothing():
-    for claim in evaluate_claims(make_results(seeds=1)):
+    for claim in evaluate_claims(make_results(seeds=1), RADII):
         assert claim.verdict == "undecided"
         assert "1 seed: no test" in claim.note
 
 
 @pytest.mark.parametrize("seeds", [2, 3])
 def test_few_seeds_are_said(seeds):
-    assert all(f"only {seeds} seeds" in claim.note for claim in evaluate_claims(make_results(seeds=seeds)))
+    assert all(f"only {seeds} seeds" in claim.note for claim in evaluate_claims(make_results(seeds=seeds), RADII))
 
 
 def test_few_seeds_need_more_certainty():
@@ -293,6 +294,6 @@ def test_time_in_the_goal_of_reaches_is_no_hold():
 def test_results_that_cannot_be_told_apart_are_refused():
     results = make_results()
     with pytest.raises(UserError, match="one algorithm, not of bptt and ppo"):
-        evaluate_claims(pd.concat([results, results.assign(algo="ppo")]))
+        evaluate_claims(pd.concat([results, results.assign(algo="ppo")]), RADII)
     with pytest.raises(UserError, match="several values of goal_completion_5cm"):
         evaluate("C1", pd.concat([results, results]))

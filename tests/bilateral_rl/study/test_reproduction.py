@@ -4,12 +4,13 @@ import pandas as pd
 import pytest
 from made_up_results import make_results
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import reproduction
 from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.jobs import JobOutcome, JobState
-from bilateral_rl.study.plan import RADII, Study
+from bilateral_rl.study.plan import Study
 from bilateral_rl.study.reproduction import conclude
 
 STUDY = Study()
@@ -37,7 +38,7 @@ def no_tables(monkeypatch):
 def results_of_study(changes=None):
     """Results that bear out every claim, but for the changes; the hold is judged at the study's radius."""
     results = make_results(changes)
-    radius = f"{100 * RADII['hold_position']:g}cm"
+    radius = f"{100 * JUDGED_RADII['hold_position']:g}cm"
     results["metric"] = results["metric"].replace("time_in_goal_5cm", f"time_in_goal_{radius}")
     return results
 
@@ -75,7 +76,7 @@ def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_
     expected = results_of_study()
     assert len(results) == len(expected)
     assert results["value"].sum() == pytest.approx(expected["value"].sum())
-    assert one_figure == [(len(expected), RADII, {"random_reach": {}, "hold_position": {}})]
+    assert one_figure == [(len(expected), JUDGED_RADII, {"random_reach": {}, "hold_position": {}})]
     parts = pd.read_csv(tmp_path / "claims.csv")
     assert list(parts["claim"].unique()) == [claim.number for claim in claims]
     assert len(parts) == sum(len(claim.components) for claim in claims)
@@ -91,7 +92,7 @@ def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_
     }
     names = {path.stem for path in (tmp_path / "tables").iterdir()}
     kinds = ("models", "tests", "pairs", "lesions", "specialization")
-    assert names == {f"{kind}_{task}" for kind in kinds for task in RADII}
+    assert names == {f"{kind}_{task}" for kind in kinds for task in JUDGED_RADII}
     page = (tmp_path / "report.html").read_text()
     assert "Of 14 claims: 14 supported, 0 not supported, 0 undecided." in page
     assert page.count("<img ") == 1

@@ -10,6 +10,7 @@ from stable_baselines3 import A2C, PPO
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.custom_scalar import layout_pb2
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.specialization import specialization_index
 from bilateral_rl.analysis.trials import Evaluator
@@ -23,7 +24,6 @@ from bilateral_rl.policies.lesions import LESIONS
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.drawing import draw_study
-from bilateral_rl.study.plan import RADII
 from bilateral_rl.training.lesion_probe import FIGURE, PROBE, LesionProbe, read_probe, read_probes
 from bilateral_rl.training.run import resume, train
 from bilateral_rl.training.session import Progress
@@ -229,7 +229,8 @@ def test_tables_of_runs_come_with_model_and_seed_and_those_without_are_left_out(
 
 def test_a_study_draws_runs_that_were_probed(probed):
     drawings = {
-        d.name: d for d in draw_study(pd.DataFrame(columns=list(COLUMNS)), RADII, {"hold_position": {"cc_s": [probed]}})
+        d.name: d
+        for d in draw_study(pd.DataFrame(columns=list(COLUMNS)), JUDGED_RADII, {"hold_position": {"cc_s": [probed]}})
     }
     figure = drawings["specialization_hold_position_over_training"].figure
     assert [axes.get_title() for axes in figure.axes][:1] == ["CC-S"]
