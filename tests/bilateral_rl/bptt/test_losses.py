@@ -114,31 +114,33 @@ def test_weights_decay_by_the_penalty_on_them_only(model):
 
 
 @each_model
-@each_kind
-def test_losses_need_room_for_what_their_penalty_is_taken_of(model, kind):
-    losses, has_penalty = losses_of(model, kind), any(penalty for _, penalty in STREAMS_OF_MODEL[model])
-    assert losses.watches_state == (has_penalty and kind == "released")
-    assert losses.watches_activity == (has_penalty and kind == "activity")
-    without = losses_of(model, kind, coefficient=0.0)
-    assert not without.watches_state
-    assert not without.watches_activity
+def test_losses_need_room_for_what_their_penalty_is_taken_of(model):
+    has_penalty = any(penalty for _, penalty in STREAMS_OF_MODEL[model])
+    for kind in PENALTIES:
+        size = losses_of(model, kind).rollout_size(2, 3, 4)
+        assert (size.n_networks, size.n_trials, size.n_steps, size.n_streams) == (2, 3, 4, len(STREAMS_OF_MODEL[model]))
+        assert size.watches_state == (has_penalty and kind == "released")
+        assert size.watches_activity == (has_penalty and kind == "activity")
+        without = losses_of(model, kind, coefficient=0.0).rollout_size(2, 3, 4)
+        assert not without.watches_state
+        assert not without.watches_activity
 
 
 @each_shape
 @each_kind
-@each_loss
-def test_values_are_those_of_the_formula(random_networks, make_rollout, shape, kind, loss):
+def test_values_are_those_of_the_formula(random_networks, make_rollout, shape, kind):
     networks = random_networks(*shape, n=3)
     rollout = make_rollout(networks, n_trials=5, n_steps=9, arm=OTHER_ARM)
     rollout.forward()
-    losses = StreamLosses(loss, kind, 0.7, rollout.layout, OTHER_ARM)
     if kind == "weights":
         squares = [sum(p.detach().square().sum() for p in network.parameters()) for network in networks]
         penalty = 0.5 * torch.stack(squares)
     else:
         penalty = penalty_on_trajectories(kind, rollout, rollout.hidden.shape[3], OTHER_ARM)
-    expected = losses_on(rollout, rollout.trials.target, loss, 0.7 * penalty)
-    torch.testing.assert_close(losses.values(rollout), torch.stack(expected), rtol=1e-12, atol=0)
+    for loss in LOSSES:
+        losses = StreamLosses(loss, kind, 0.7, rollout.layout, OTHER_ARM)
+        expected = losses_on(rollout, rollout.trials.target, loss, 0.7 * penalty)
+        torch.testing.assert_close(losses.values(rollout), torch.stack(expected), rtol=1e-12, atol=0, msg=loss)
 
 
 def test_values_are_added_up_in_double_precision(random_networks, make_rollout):
