@@ -54,6 +54,7 @@ def network_adjoint(real: Any, shape: NetworkShape) -> Any:
         Layer by layer, from the last to the first, and gate by gate: a delta is the gradient with respect to what goes
         into a nonlinearity, that of what comes out of it times its slope, x (1 − x) for the logistic, 1 − h² for tanh.
         """
+        # Output layer and combination.
         delta_out = vec_out()
         for i in range(n_outputs):
             delta_out[i] = gradient[i] * excitation[i] * (real(1.0) - excitation[i])
@@ -72,6 +73,7 @@ def network_adjoint(real: Any, shape: NetworkShape) -> Any:
                 d_h[side] = open * w.combination[s, side] * d_combined
             else:
                 d_h[side] = d_combined
+        # Hidden layers; ``d_h`` is with respect to the activity of the layer at hand, both sides'.
         d_observation = vec_in()
         for back in range(layers):
             layer = layers - 1 - back
@@ -93,6 +95,7 @@ def network_adjoint(real: Any, shape: NetworkShape) -> Any:
                     open_in = w.gates[s, INPUT_DOMINANT + side]
                     for i in range(n_inputs):
                         d_observation[i] += open_in * wp.dot(w.first[s, side, i], delta)
+            # Back over the callosum, whose pooling depends on what the layer before had sent.
             if layer > 0:
                 d_h = d_received
                 if callosal:

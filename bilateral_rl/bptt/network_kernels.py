@@ -145,8 +145,9 @@ def network_forward(real: Any, shape: NetworkShape) -> Any:
         """Return what both sides hold once each has received the other's pooled activity through the callosum.
 
         A side sends the larger of each two neighbors, leaving out a last odd one, and adds what it receives to its last
-        units. With five units a side, what the dominant one holds: a b c d+max(v,w) e+max(x,y), where the other side is
-        v w x y z. Both send what they held before. ``open`` is 0 where the callosum is cut, else 1.
+        units; both send what they held before. With five units a side, a b c d e and v w x y z, the first becomes
+        a b c d+max(v,w) e+max(x,y), and the second v w x y+max(a,b) z+max(c,d). ``open`` is 0 where the callosum is
+        cut, else 1.
         """
         received = both(h)
         for side in range(sides):
@@ -163,14 +164,16 @@ def network_forward(real: Any, shape: NetworkShape) -> Any:
             remembered[i] = observation[i]
         remembered[n_inputs] = real(1.0)
         a.observation[k] = remembered
+        # First layer: both sides see the observation; a closed input gate lets their bias through, and nothing else.
         h = both()
         for side in range(sides):
-            seen = vec_side()
+            drive_in = vec_side()
             for i in range(n_inputs):
-                seen += observation[i] * w.first[s, side, i]
-            active = tanh(w.gates[s, INPUT_DOMINANT + side] * seen + w.first[s, side, n_inputs])
+                drive_in += observation[i] * w.first[s, side, i]
+            active = tanh(w.gates[s, INPUT_DOMINANT + side] * drive_in + w.first[s, side, n_inputs])
             h[side] = active
             a.hidden[k, side] = active
+        # Every further layer: each side by itself, after an exchange over the callosum if there is one.
         for layer in range(1, layers):
             if callosal:
                 h = exchange(h, w.gates[s, CALLOSUM])
@@ -184,6 +187,7 @@ def network_forward(real: Any, shape: NetworkShape) -> Any:
                 active = tanh(drive)
                 h[side] = active
                 a.hidden[k, layer * sides + side] = active
+        # Output: the sides are added by their combination weights, so that both have one output layer.
         combined = h[0]
         if sides == 2:
             combined = (

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.rollout import Rollout
-from bilateral_rl.envs.arm.warp_start import launch_place
+from bilateral_rl.envs.arm.warp_start import launch_on
 from bilateral_rl.vocabulary import Loss, group_shares
 
 BETA_1, BETA_2 = 0.9, 0.999
@@ -100,7 +100,7 @@ class StackedAdam:
 
     def _launch(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
         arrays = [wp.from_torch(x, requires_grad=False) if isinstance(x, Tensor) else x for x in inputs]
-        wp.launch(kernel, dim=tuple(self.norms.shape), inputs=arrays, **launch_place(self._rollout.device))
+        wp.launch(kernel, dim=tuple(self.norms.shape), inputs=arrays, **launch_on(self._rollout.device))
 
     def _integers(self, values: list[Any]) -> Tensor:
         return torch.tensor([int(value) for value in values], dtype=torch.int32, device=self._rollout.device)

@@ -24,7 +24,7 @@ from bilateral_rl.bptt.rollout_kernels import HAND, rollout_kernels
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import kernel_parameters
-from bilateral_rl.envs.arm.warp_start import launch_place
+from bilateral_rl.envs.arm.warp_start import launch_on
 from bilateral_rl.policies.lesions import Lesion
 
 _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
@@ -155,13 +155,13 @@ class Rollout:
                 dim=len(part),
                 inputs=[parameters, weights, trials, *sizes, part.start, *others],
                 record_cmd=True,
-                **launch_place(self.device),
+                **launch_on(self.device),
             )
             for part in self._workers.parts(self.size.n_networks * self.size.n_trials)
         ]
 
     def _launch(self, launches: list[Any]) -> None:
-        stream = launch_place(self.device).get("stream")
+        stream = launch_on(self.device).get("stream")
         self._workers.share([functools.partial(launch.launch, stream) for launch in launches])
 
     def _assemble(self, networks: range) -> None:

@@ -11,7 +11,7 @@ from torch import Tensor
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.arm.physics import LENGTH, N_MUSCLE_ROWS, VELOCITY, ArmTypes, arm_types, kernel_parameters
-from bilateral_rl.envs.arm.warp_start import launch_place
+from bilateral_rl.envs.arm.warp_start import launch_on
 
 _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
 
@@ -152,7 +152,7 @@ def _launch(arm: Arm, kernel: wp.Kernel, letters: str, tensors: tuple[Tensor, ..
         wp.from_torch(tensor, dtype=elements[letter], requires_grad=False)
         for letter, tensor in zip(letters, tensors, strict=True)
     ]
-    wp.launch(kernel, dim=len(tensors[0]), inputs=[arm._p, *arrays], **launch_place(arm.device))
+    wp.launch(kernel, dim=len(tensors[0]), inputs=[arm._p, *arrays], **launch_on(arm.device))
 
 
 def _elements(types: ArmTypes) -> dict[str, Any]:

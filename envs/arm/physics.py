@@ -35,11 +35,11 @@ class ArmTypes(NamedTuple):
     real: Any
     """``wp.float32`` or ``wp.float64``."""
     vec2: Any
-    """Of the joints or of the plane."""
+    """Two numbers: one a joint, or x and y."""
     vec4: Any
     """A joint state, or the hand's position and velocity."""
     vec6: Any
-    """Of the muscles."""
+    """Six numbers: one a muscle."""
     rows: Any
     """(7, 6): the muscle state."""
     Parameters: Any
@@ -254,11 +254,13 @@ def stop_at_limit(position: Any, velocity: Any, lower: Any, upper: Any) -> Any:
 @wp.func
 def next_joint(p: Any, joint: Any, muscle_torque: Any, load: Any) -> Any:
     """Return the joint state one Euler step on, under muscle torques (N m) and a load on the hand (N)."""
-    here = hand(p, joint)
+    position = hand(p, joint)
     fore_x = p.link_length[1] * wp.cos(joint[0] + joint[1])
     fore_y = p.link_length[1] * wp.sin(joint[0] + joint[1])
     # The load's torque is its moment about each joint: the transposed Jacobian of the hand times the load.
-    torque = muscle_torque + wp.vector(load[1] * here[0] - load[0] * here[1], load[1] * fore_x - load[0] * fore_y)
+    torque = muscle_torque + wp.vector(
+        load[1] * position[0] - load[0] * position[1], load[1] * fore_x - load[0] * fore_y
+    )
     change = acceleration(p, joint, torque)
     shoulder = joint[0] + p.timestep * joint[2]
     elbow = joint[1] + p.timestep * joint[3]

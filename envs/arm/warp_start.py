@@ -22,7 +22,7 @@ def start_warp() -> None:
         wp.init()
 
 
-def launch_place(device: str | torch.device) -> dict[str, Any]:
+def launch_on(device: str | torch.device) -> dict[str, Any]:
     """Return ``wp.launch``'s arguments for torch tensors on ``device``: on CUDA, the stream that torch is using."""
     if torch.device(device).type == "cuda":
         return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device))}
