@@ -21,8 +21,8 @@ FIRST_STEP = """
 import sys, time
 from pathlib import Path
 from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.progress import Progress
 from bilateral_rl.training.run import train
-from bilateral_rl.training.session import Progress
 
 class FirstStep(Progress):
     def on_step(self, timesteps):

@@ -42,7 +42,9 @@ def list_all(out: Path, console: Console) -> None:
 
 
 def _done(status: Mapping[str, Any]) -> str:
+    """Say how far the seed that came furthest has come."""
+    n_seeds = len(status.get("seeds", []))
+    of_seeds = f" of {n_seeds} seeds" if n_seeds > 1 else ""
     if "epochs" in status:
-        seeds = len(status.get("seeds", []))
-        return f"{status['epochs']} epochs" + (f" of {seeds} seeds" if seeds > 1 else "")
-    return f"{status['timesteps']:,} steps" if status.get("timesteps") else ""
+        return f"{status['epochs']} epochs{of_seeds}"
+    return f"{status['timesteps']:,} steps{of_seeds}" if status.get("timesteps") else ""

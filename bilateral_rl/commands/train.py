@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,12 @@ from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.commands.training_report import TrainingProgress, measures_table
 from bilateral_rl.config import parse as settings
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
-from bilateral_rl.runs.policies import initial_states, parse_run
+from bilateral_rl.runs.policies import parse_run
 from bilateral_rl.training import run as training
-from bilateral_rl.training.session import Outcome, check_device
-from bilateral_rl.training.tracking import check_tracking
+from bilateral_rl.training.progress import Outcome
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
 INTERRUPTED_EXIT = 128 + signal.SIGINT
@@ -44,15 +43,7 @@ def train(
     layers = [read_settings(config_file)] if config_file else []
     layers += [settings.parse_overrides(overrides), _nested(flags)]
     config = resolve(algo, task, layers, model=model)
-    check_device(config.device)
-    _check_tracking(config)
-    initial_states(config)  # refused before anything is announced
-
-    def run(progress: TrainingProgress) -> Outcome:
-        progress.announce()  # compiling the arm, the first time, takes a while
-        return training.train(config, out, progress)
-
-    _report_training(config, console, run)
+    _run(training.prepare(config), out, console)
 
 
 def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
@@ -61,21 +52,22 @@ def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
     folder, seed = parse_run(str(path))
     if seed is not None:
         raise UserError(f"--resume goes on with the whole run: give it {folder.path}, without :{seed}.")
-    config = folder.config()
-    allowed = ("epochs", "device") if isinstance(config, BPTTConfig) else ("timesteps", "track", "device")
+    values = folder.config().to_values()
+    allowed = [name for name in ("timesteps", "epochs", "track", "device") if name in values]
     _refuse_but(allowed, given)
-    values = config.to_values()
     if "track" in values:
         values["track"] = False  # the run may be somebody else's: who goes on with it says whether it is tracked
     config = resolve(None, None, [values | {name: given[name] for name in allowed if given[name] is not None}])
-    check_device(config.device)
-    _check_tracking(config)
-    _report_training(config, console, lambda progress: training.resume(folder, config, progress))
+    _run(training.prepare_resume(folder, config), folder.path.parent.parent, console)
 
 
-def _check_tracking(config: TrainConfig) -> None:
-    if isinstance(config, RLConfig) and config.track:
-        check_tracking()
+def _run(prepared: training.Prepared, out: Path, console: Console) -> None:
+    config = prepared.config
+    with TrainingProgress(config, console) as progress:
+        if prepared.folder is None:  # what is saved may still be refused
+            progress.announce()  # compiling the arm, the first time, takes a while
+        outcome = training.run(prepared, out, progress)
+    _report(config, outcome, console)
 
 
 def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
@@ -86,18 +78,15 @@ def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
             raise UserError(f"A resumed run keeps its settings: --resume takes {flags} here, not --{flag}.")
 
 
-def _report_training(config: TrainConfig, console: Console, run: Callable[[TrainingProgress], Outcome]) -> None:
-    with TrainingProgress(config, console) as progress:
-        outcome = run(progress)
+def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:
     for note in outcome.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     path = escape(shlex.quote(str(outcome.folder.path)))
     out = escape(shlex.quote(str(outcome.folder.path.parent.parent)))
     minutes = f"{outcome.seconds / 60:.1f} minutes"
     if outcome.stopped_by is not None:
-        unit = "updates" if isinstance(config, BPTTConfig) else "steps"
-        console.print(f"Stopped after {outcome.done:,} {unit} and {minutes}; saved in [bold]{path}[/bold].")
-        track = " --track" if isinstance(config, RLConfig) and config.track else ""
+        console.print(f"Stopped after {outcome.done:,} {config.unit} and {minutes}; saved in [bold]{path}[/bold].")
+        track = " --track" if config.to_values().get("track") else ""
         console.print(f"Go on with: bilateral-rl train --resume {path}{track}", soft_wrap=True)
         sys.exit(128 + outcome.stopped_by)
     evaluator = Evaluator(config.task, config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
@@ -113,7 +102,7 @@ def _report_training(config: TrainConfig, console: Console, run: Callable[[Train
 
 def _next_training(config: TrainConfig, path: str, out: str) -> str:
     """What one might train next."""
-    if isinstance(config, BPTTConfig):
+    if config.algo == "bptt":
         same = f"--model {config.model} --task {config.task}"
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"
     other = "hold_position" if config.task == "random_reach" else "random_reach"

@@ -12,9 +12,9 @@ from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.trials import TrialRecord, summaries
-from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.text import seed_range
-from bilateral_rl.training import session as progress
+from bilateral_rl.training import progress
 
 
 class TrainingProgress(progress.Progress):
@@ -61,32 +61,30 @@ class TrainingProgress(progress.Progress):
 
     def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
         goal = f"goal {measures['goal_completion_percent']:.0f} %"
-        inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
         where = f"{done:>12,} steps"
-        if isinstance(self._config, BPTTConfig):
-            epoch = done // self._config.updates_per_epoch
+        if "seed" in measures:  # one of several trainings side by side
+            where, goal = f"seed {measures['seed']:.0f}, {where} in all", f"seed {measures['seed']:.0f}: {goal}"
+        if "epoch" in measures:
             training = f"{measures['seeds_training']:.0f} of {self._config.seeds} seeds training"
-            where = f"epoch {epoch:>3}, {training}, validation loss {measures['validation_loss']:.3f}"
-            goal = f"epoch {epoch}, {training}, {goal}" if self._draws else goal
+            where = f"epoch {measures['epoch']:>3.0f}, {training}, validation loss {measures['validation_loss']:.3f}"
+            goal = f"epoch {measures['epoch']:.0f}, {training}, {goal}" if self._draws else goal
         self._bar.update(self._task, goal=goal)
         if not self._draws:
+            inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
             error = f"final error {measures['final_error_cm']:.1f} cm"
             self._console.print(f"{where}: {goal}, {inside}, {error}", highlight=False, soft_wrap=True)
 
     def _speed(self, speed: float) -> str:
-        if isinstance(self._config, BPTTConfig):
+        if self._config.unit == "updates":
             return f"{speed:.0f} updates/s"
         return f"{speed / 1000:.0f} k steps/s"
 
 
 def training_title(config: TrainConfig) -> str:
-    """What a training is about to do, with markup."""
-    head = f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}: "
-    if isinstance(config, BPTTConfig):
-        seeds = seed_range(config.all_seeds) + " side by side" * (config.seeds > 1)
-        return f"{head}up to {config.epochs} epochs of {config.bptt.trials:,} trials, {seeds}. Ctrl-C stops and saves."
-    assert isinstance(config, RLConfig)
-    return f"{head}{config.timesteps:,} steps of {config.n_envs} arms, seed {config.seed}. Ctrl-C stops and saves."
+    """Say what a training is about to do, with markup."""
+    seeds = seed_range(config.all_seeds) + (" side by side" if config.seeds > 1 else "")
+    what = f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}"
+    return f"{what}: {config.plan}, {seeds}. Ctrl-C stops and saves."
 
 
 def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, title: str) -> Table:

@@ -57,12 +57,16 @@ class RunFolder:
             parent.mkdir(parents=True, exist_ok=True)
             folder = cls(_next_free(parent, f"{config.model}-{config.algo}"))
             with _removed_if_it_fails(folder.path):
-                (folder.path / "weights").mkdir()
-                folder.write_config(config)
-                folder.write_json("versions.json", versions())
+                folder.begin(config)
         except OSError as error:
             raise UserError(f"Cannot write a run under {out}: {error.strerror}. Choose another --out.") from None
         return folder
+
+    def begin(self, config: TrainConfig) -> None:
+        """Make the folder if need be, and write the configuration and versions. Raises OSError if it cannot."""
+        (self.path / "weights").mkdir(parents=True, exist_ok=True)
+        self.write_config(config)
+        self.write_json("versions.json", versions())
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:

@@ -1,4 +1,4 @@
-"""Trained networks and policies, out of run folders: any seed of any run, whatever trained it."""
+"""Trained networks and policies out of run folders: any seed of any run, whatever trained it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.catalogue import find_model
-from bilateral_rl.config.schema import ActorCriticConfig, BPTTConfig, OffPolicyConfig, RLConfig, TrainConfig
+from bilateral_rl.config.schema import ActorCriticConfig, OffPolicyConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
@@ -24,14 +24,14 @@ from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.vocabulary import stream_mix
 
 _MOST_DIGITS = 10
-"""Of a seed."""
+"""Longest seed accepted, in digits."""
 
 SEEDS = "seeds"
-"""In the weights of a stacked run, the tensor (S,) of its seeds; every other tensor has a leading axis of them."""
+"""Name of the tensor (S,) of the seeds in the weights of a run of several; every other tensor has that leading axis."""
 
 
 def parse_run(text: str) -> tuple[RunFolder, int | None]:
-    """The run that RUN or RUN:seed names, and the seed if one is named. Raises UserError for what is no run."""
+    """Return the run that RUN or RUN:seed names, and the seed if one is named. Raises UserError for what is no run."""
     path, colon, seed = text.rpartition(":")
     has_seed = colon and seed.isdecimal() and len(seed) <= _MOST_DIGITS
     if has_seed and not os.path.exists(text):  # noqa: PTH110 - which never raises
@@ -40,14 +40,14 @@ def parse_run(text: str) -> tuple[RunFolder, int | None]:
 
 
 def build_network(config: TrainConfig) -> MotorNetwork:
-    """A fresh network of the run's architecture and sizes, from torch's random state."""
+    """Build a fresh network of the run's architecture and sizes, from torch's random state."""
     low, _ = config.trial.observation_bounds()
     network = config.network
     return make_network(find_model(config.model).architecture, len(low), N_MUSCLES, network.units, network.layers)
 
 
 def build_policy(config: TrainConfig) -> MotorPolicy:
-    """An untrained policy of the run's architecture and sizes, on the CPU."""
+    """Build an untrained policy of the run's architecture and sizes, on the CPU."""
     low, high = config.trial.observation_bounds()
     return policy_class(config)(
         spaces.Box(low, high),
@@ -59,13 +59,13 @@ def build_policy(config: TrainConfig) -> MotorPolicy:
 
 
 def policy_class(config: TrainConfig) -> type[MotorPolicy]:
-    """The class of the run's policy; a supervised run's network acts in that of PPO and A2C."""
+    """Return the class of the run's policy; a supervised run's network acts in that of PPO and A2C."""
     algorithm = ALGORITHM_CLASSES.get(config.algo)
     return BilateralActorCriticPolicy if algorithm is None else algorithm.POLICY_CLASS
 
 
 def policy_arguments(config: TrainConfig) -> dict[str, Any]:
-    """Keyword arguments of the run's policy, but for the number of streams."""
+    """Return the keyword arguments of the run's policy, but for the number of streams."""
     network = config.network
     critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
     arguments = {
@@ -81,14 +81,19 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
 
 
 def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors]:
-    """The ``state_dict()`` of a run's network by seed. Raises UserError if its weights are missing or do not fit."""
+    """Return the ``state_dict()`` of a run's networks by seed.
+
+    Raises:
+        UserError: the weights are missing or do not fit the run.
+    """
     config = folder.config()
-    tensors = folder.load_weights(weights)
-    if isinstance(config, BPTTConfig):
-        states = _unstack(tensors, config, folder)
-    else:
+    states = _by_seed(folder.load_weights(weights), config, folder)
+    if _has_whole_policies(config):
         key = policy_class(config).NETWORK_KEY
-        states = {config.seed: {k.removeprefix(key): v for k, v in tensors.items() if k.startswith(key)}}
+        states = {
+            seed: {name.removeprefix(key): t for name, t in state.items() if name.startswith(key)}
+            for seed, state in states.items()
+        }
     network = build_network(config)
     for state in states.values():
         _check_fit(network, state, folder)
@@ -96,14 +101,14 @@ def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors
 
 
 def load_policies(folder: RunFolder, weights: str = FINAL, seed: int | None = None) -> dict[int, MotorPolicy]:
-    """The policies of a run by seed, ready to act.
+    """Return the policies of a run by seed, ready to act.
 
     A policy of a supervised run has that run's network and fresh critics.
 
     Args:
         folder: the run.
         weights: which of its weights.
-        seed: the only one wanted; None for all.
+        seed: the only one to load; None for all.
 
     Raises:
         UserError: weights that are missing, damaged or of another shape, or a seed that the run has not.
@@ -112,27 +117,27 @@ def load_policies(folder: RunFolder, weights: str = FINAL, seed: int | None = No
     seeds = config.all_seeds
     if seed is not None and seed not in seeds:
         raise UserError(f"{folder.path} has no seed {seed}; it has {seed_range(seeds)}.")
-    wanted = seeds if seed is None else [seed]
+    states = _by_seed(folder.load_weights(weights), config, folder)
     policies: dict[int, MotorPolicy] = {}
-    states = network_states(folder, weights) if isinstance(config, BPTTConfig) else {}
-    for one in wanted:
+    for one in seeds if seed is None else [seed]:
         policy = build_policy(config)
-        if states:
-            policy.motor_network.load_state_dict(states[one])
+        if _has_whole_policies(config):
+            load_policy_weights(policy, states[one], folder)
         else:
-            load_policy_weights(policy, folder.load_weights(weights), folder)
+            _check_fit(policy.motor_network, states[one], folder)
+            policy.motor_network.load_state_dict(states[one])
         policy.set_training_mode(False)
         policies[one] = policy
     return policies
 
 
 def load_policy(run: RunFolder | str | Path, weights: str = FINAL, seed: int | None = None) -> MotorPolicy:
-    """The one policy of a run, or that of one of its seeds.
+    """Return the one policy of a run, or that of one of its seeds.
 
     Args:
         run: the run, or RUN or RUN:seed as in commands.
         weights: which of its weights.
-        seed: the one wanted of several.
+        seed: which of several.
 
     Raises:
         UserError: as :func:`load_policies`, or if there are several and none is named.
@@ -154,7 +159,7 @@ def load_policy_weights(policy: MotorPolicy, tensors: dict[str, Tensor], folder:
 
 
 def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
-    """The networks that ``config.init_from`` names, for each seed of ``config``; None for fresh ones.
+    """Return the networks that ``config.init_from`` names, for each seed of ``config``; None for fresh ones.
 
     Every seed begins with the network of the seed that is named, or of the run's only one, or of its own number.
 
@@ -165,12 +170,12 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
         return None
     folder, seed = parse_run(config.init_from)
     source = folder.config()
-    own, other = find_model(config.model).architecture, find_model(source.model).architecture
+    here, there = find_model(config.model).architecture, find_model(source.model).architecture
     sizes = [(c.network.units, c.network.layers) for c in (config, source)]
-    if own != other or sizes[0] != sizes[1]:
+    if here != there or sizes[0] != sizes[1]:
         raise UserError(
-            f"{folder.path} holds {other} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and {config.model} "
-            f"here is {own}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from needs the same."
+            f"{folder.path} holds {there} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and {config.model} "
+            f"here is {here}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from needs the same."
         )
     states = network_states(folder)
     if seed is None and len(states) == 1:
@@ -186,28 +191,36 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
 
 
 def stack_states(states: Mapping[int, Tensors]) -> Tensors:
-    """The weights of a stacked run from the ``state_dict()`` of each seed."""
+    """Return the weights of a run of several seeds from the ``state_dict()`` of each."""
     names = next(iter(states.values()))
     stacked = {name: torch.stack([state[name] for state in states.values()]) for name in names}
     return {SEEDS: torch.tensor(list(states)), **stacked}
 
 
-def _unstack(tensors: Tensors, config: TrainConfig, folder: RunFolder) -> dict[int, Tensors]:
+def _by_seed(weights: Tensors, config: TrainConfig, folder: RunFolder) -> dict[int, Tensors]:
+    """Return the weights of each seed, stacked or not. Raises UserError unless they are those of the run's seeds."""
     seeds = config.all_seeds
-    tensors = dict(tensors)
-    stored = tensors.pop(SEEDS, torch.empty(0))
+    if SEEDS not in weights and len(seeds) == 1 and _has_whole_policies(config):
+        return {config.seed: weights}
+    weights = dict(weights)
+    stored = weights.pop(SEEDS, torch.empty(0))
     if (
         stored.shape != (len(seeds),)
         or stored.tolist() != seeds
-        or any(t.ndim < 1 or len(t) != len(seeds) for t in tensors.values())
+        or any(t.ndim < 1 or len(t) != len(seeds) for t in weights.values())
     ):
         raise UserError(f"The weights of {folder.path} are not those of its seeds, {seed_range(seeds)}.")
-    return {seed: {name: tensor[i] for name, tensor in tensors.items()} for i, seed in enumerate(seeds)}
+    return {seed: {name: tensor[i] for name, tensor in weights.items()} for i, seed in enumerate(seeds)}
+
+
+def _has_whole_policies(config: TrainConfig) -> bool:
+    """Whether a run's weights are those of policies, critics included; supervised runs have networks alone."""
+    return config.algo in ALGORITHM_CLASSES
 
 
 def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
-    own = module.state_dict()
-    wrong = sorted({*own} ^ {*tensors}) or [name for name in own if not _is_like(tensors[name], own[name])]
+    expected = module.state_dict()
+    wrong = sorted({*expected} ^ {*tensors}) or [k for k in expected if not _is_like(tensors[k], expected[k])]
     if wrong:
         raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
 

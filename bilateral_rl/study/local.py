@@ -10,7 +10,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.board import SILENT, Board
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState, begin
 from bilateral_rl.study.process import JobProcess
-from bilateral_rl.training.session import StopRequest
+from bilateral_rl.training.progress import StopRequest
 
 _INTERVAL = 0.1
 """Seconds after which to look again, at the latest."""

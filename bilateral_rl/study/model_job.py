@@ -19,7 +19,7 @@ from bilateral_rl.study.jobs import JobProgress
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.study.provenance import describe_source, source_file
 from bilateral_rl.training import run as training
-from bilateral_rl.training.session import Outcome, Progress
+from bilateral_rl.training.progress import Outcome, Progress
 
 _MACHINE_SETTINGS = ("threads", "device", "track")
 """Settings that change how a run is made, not what comes out."""

@@ -18,7 +18,7 @@ from bilateral_rl.study.board import SILENT, Board
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState, begin
 from bilateral_rl.study.process import JobProcess
 from bilateral_rl.study.transfer import pack, unpack
-from bilateral_rl.training.session import StopRequest
+from bilateral_rl.training.progress import StopRequest
 
 _RETRIES = 3
 """Number of times that a job starts once more after its node was lost."""

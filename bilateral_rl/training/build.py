@@ -7,7 +7,6 @@ import warnings
 from typing import Any
 
 import numpy as np
-import torch
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
 from bilateral_rl.config.catalogue import find_model
@@ -15,27 +14,25 @@ from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.runs.policies import policy_arguments
-from bilateral_rl.training.session import check_device
 
 
 def build_algorithm(config: RLConfig) -> Hemispheric:
-    """The algorithm, its environment and its policy, untrained. Raises UserError for a device that is not there."""
-    check_device(config.device)
-    warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
-    torch.set_num_threads(config.threads)
+    """Build the algorithm, its environment and its policy, untrained."""
     trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
     env = ArmVecEnv(config.n_envs, config.task, device=config.device, **trial)
     algorithm_class = ALGORITHM_CLASSES[config.algo]
-    algorithm = algorithm_class(
-        algorithm_class.POLICY_CLASS,
-        env,
-        loss=find_model(config.model).loss,
-        **algorithm_arguments(config),
-        stats_window_size=max(100, config.n_envs),
-        policy_kwargs=policy_arguments(config),
-        seed=config.seed,
-        device=config.device,
-    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
+        algorithm = algorithm_class(
+            algorithm_class.POLICY_CLASS,
+            env,
+            loss=find_model(config.model).loss,
+            **algorithm_arguments(config),
+            stats_window_size=max(100, config.n_envs),
+            policy_kwargs=policy_arguments(config),
+            seed=config.seed,
+            device=config.device,
+        )
     # SB3 has seeded arm i with seed + i, which neighboring seeds would share.
     env.seed_arms(np.random.SeedSequence(config.seed).generate_state(config.n_envs).tolist())
     return algorithm

@@ -15,12 +15,18 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.sb2_compat.rmsprop_tf_like import RMSpropTFLike
 from torch import Tensor, nn
 
 from bilateral_rl.io.tensors import DTYPES, Tensors
 from bilateral_rl.training.random_states import random_states, set_random_states
 
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+_MOMENTS: dict[type[torch.optim.Optimizer], tuple[torch.dtype, set[str]]] = {
+    torch.optim.Adam: (torch.float32, {"exp_avg", "exp_avg_sq"}),
+    RMSpropTFLike: (torch.int64, {"square_avg"}),
+}
+"""What the optimizers of our algorithms remember of each parameter: the type of their ``step``, and their moments."""
 
 
 def state_tensors(algorithm: BaseAlgorithm) -> Tensors:
@@ -121,40 +127,51 @@ def _optimizers(algorithm: BaseAlgorithm) -> dict[str, torch.optim.Optimizer]:
 
 
 def _moments(algorithm: BaseAlgorithm) -> Tensors:
+    """Return what each optimizer remembers, as ``<optimizer>.<index of the parameter>.<name>``."""
     return {
         f"{name}.{index}.{key}": torch.as_tensor(value)
         for name, optimizer in _optimizers(algorithm).items()
-        for index, parameter in enumerate(_parameters(optimizer))
-        for key, value in optimizer.state.get(parameter, {}).items()
+        for index, moments in optimizer.state_dict()["state"].items()
+        for key, value in moments.items()
     }
 
 
 def _set_moments(algorithm: BaseAlgorithm, given: Tensors) -> None:
-    for name, optimizer in _optimizers(algorithm).items():
-        _take_a_step(optimizer)
-        for index, parameter in enumerate(_parameters(optimizer)):
-            if not any(key.startswith(f"{name}.{index}.") for key in given):
-                del optimizer.state[parameter]  # never had a gradient
-    fill("optimizer", moments := _moments(algorithm), given)
-    if any(moment < 0 for name, moment in moments.items() if name.endswith(".step")):
-        raise ValueError("its optimizers have made less than no step")
-    for name, optimizer in _optimizers(algorithm).items():
-        for index, parameter in enumerate(_parameters(optimizer)):
-            for key, value in optimizer.state.get(parameter, {}).items():
-                if not isinstance(value, Tensor):  # a number, which a tensor cannot be a view of
-                    optimizer.state[parameter][key] = type(value)(moments[f"{name}.{index}.{key}"])
+    optimizers = _optimizers(algorithm)
+    if unknown := sorted(key for key in given if key.rsplit(".", 2)[0] not in optimizers):
+        raise ValueError(f"it holds an unknown optimizer.{unknown[0]}")
+    for name, optimizer in optimizers.items():
+        stored = {key.removeprefix(f"{name}."): t for key, t in given.items() if key.rsplit(".", 2)[0] == name}
+        groups = optimizer.state_dict()["param_groups"]
+        optimizer.load_state_dict({"state": _optimizer_state(optimizer, stored), "param_groups": groups})
 
 
-def _take_a_step(optimizer: torch.optim.Optimizer) -> None:
-    """So that it has all its state, whatever kind it is. The weights are restored later, but do not move anyway."""
-    for parameter in _parameters(optimizer):
-        parameter.grad = torch.zeros_like(parameter)
-    optimizer.step()
-    optimizer.zero_grad(set_to_none=True)
+def _optimizer_state(optimizer: torch.optim.Optimizer, stored: Tensors) -> dict[int, dict[str, Any]]:
+    """Return the state by parameter, as ``load_state_dict`` takes it; a parameter that never moved has none.
 
-
-def _parameters(optimizer: torch.optim.Optimizer) -> list[Tensor]:
-    return [parameter for group in optimizer.param_groups for parameter in group["params"]]
+    Raises ValueError for what is no state of such an optimizer.
+    """
+    parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
+    step_type, names = _MOMENTS[type(optimizer)]
+    state: dict[int, dict[str, Any]] = {}
+    for key, tensor in stored.items():
+        index, _, name = key.partition(".")
+        if not index.isdecimal() or int(index) >= len(parameters) or name not in {"step", *names}:
+            raise ValueError(f"it holds an unknown optimizer.{key}")
+        if name == "step":
+            if tensor.ndim or tensor.dtype != step_type or not float(tensor) >= 0:
+                raise ValueError(f"its optimizer.{key} is not a number of steps")
+            # SB3's RMSprop counts in Python.
+            state.setdefault(int(index), {})[name] = int(tensor) if step_type == torch.int64 else tensor
+            continue
+        parameter = parameters[int(index)]
+        if tensor.shape != parameter.shape or tensor.dtype != parameter.dtype:
+            raise ValueError(f"its optimizer.{key} is not a {parameter.dtype} tensor of shape {tuple(parameter.shape)}")
+        state.setdefault(int(index), {})[name] = tensor
+    for number, moments in state.items():
+        if missing := sorted({"step", *names} - moments.keys()):
+            raise ValueError(f"it lacks optimizer.{number}.{missing[0]}")
+    return state
 
 
 # --- environment and replay -----------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.training.session import Progress
+from bilateral_rl.training.progress import Progress
 
 
 class Watch(Progress):

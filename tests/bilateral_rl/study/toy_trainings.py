@@ -5,8 +5,8 @@ import time
 from toy_jobs import note
 
 from bilateral_rl.config.resolve import resolve
+from bilateral_rl.training.progress import Progress
 from bilateral_rl.training.run import train
-from bilateral_rl.training.session import Progress
 
 
 class _Noting(Progress):

@@ -25,8 +25,8 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.drawing import draw_study
 from bilateral_rl.training.lesion_probe import FIGURE, PROBE, LesionProbe, read_probe, read_probes
+from bilateral_rl.training.progress import Progress
 from bilateral_rl.training.run import resume, train
-from bilateral_rl.training.session import Progress
 
 pytestmark = pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 

@@ -1,0 +1,78 @@
+"""The process of one seed of a run: ``python -m bilateral_rl.training.one_seed FOLDER``.
+
+It trains, or goes on with, the run FOLDER, whose configuration lies there. Standard output carries messages, a JSON
+object a line (:data:`Message`); the end of standard input asks it to save and stop, be it that the run is stopped or
+that the process that started this one is no more.
+"""
+
+from __future__ import annotations
+
+import _thread
+import json
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.training.progress import Progress
+from bilateral_rl.training.run import train_in
+
+Message = dict[str, Any]
+"""``{"done": n}``, ``{"done": n, "measures": {…}}``, and at the end ``{"notes": […]}`` or ``{"error": "sentence"}``."""
+
+_INTERVAL = 0.2
+"""Seconds between two messages that differ in their number only."""
+
+
+class MessageProgress(Progress):
+    """Sends messages, but not so often that their reader has work with them."""
+
+    def __init__(self, output: TextIO) -> None:
+        self._output, self._sent = output, -_INTERVAL
+
+    def on_start(self, done: int) -> None:
+        self.send({"done": done})
+
+    def on_step(self, done: int) -> None:
+        if time.monotonic() - self._sent >= _INTERVAL:
+            self.send({"done": done})
+
+    def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
+        self.send({"done": done, "measures": measures})
+
+    def send(self, message: Message) -> None:
+        """Write one message."""
+        self._sent = time.monotonic()
+        self._output.write(json.dumps(message) + "\n")
+        self._output.flush()
+
+
+def main() -> int:
+    """Train the run that the arguments name; the exit code."""
+    # Whatever prints something goes to the error stream, and not among the messages.
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    threading.Thread(target=_stop_at_the_end_of, args=(sys.stdin,), daemon=True).start()
+    progress = MessageProgress(output)
+    try:
+        outcome = train_in(RunFolder.open(Path(sys.argv[1])), progress)
+    except UserError as error:
+        progress.send({"error": str(error)})
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    progress.send({"done": outcome.done, "notes": outcome.notes})
+    return 0
+
+
+def _stop_at_the_end_of(stream: TextIO) -> None:
+    stream.read()
+    _thread.interrupt_main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

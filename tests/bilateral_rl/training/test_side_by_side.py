@@ -1,0 +1,145 @@
+"""Several networks by reinforcement learning: each as if alone, and one run for all commands."""
+
+import os
+import signal
+import time
+
+import pandas as pd
+import pytest
+from processes import TIMEOUT, finished, started, wait_until
+from rl_runs import differences, small_rl
+from supervised_runs import Watch, with_values
+
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder, find_runs
+from bilateral_rl.runs.policies import load_policies, network_states
+from bilateral_rl.training.run import resume, train
+
+SEEDS = [0, 1]
+
+
+@pytest.fixture(scope="module")
+def config():
+    return small_rl("ppo", seeds=2)
+
+
+@pytest.fixture(scope="module")
+def watched(config, tmp_path_factory):
+    """The outcome of the training in one go, and what was told of it."""
+    watch = Watch()
+    return train(config, tmp_path_factory.mktemp("side_by_side"), watch), watch
+
+
+@pytest.fixture(scope="module")
+def alone(config, tmp_path_factory):
+    """The run of each seed alone."""
+    out = tmp_path_factory.mktemp("alone")
+    return {seed: train(with_values(config, seed=seed, seeds=1), out).folder for seed in SEEDS}
+
+
+def child(folder, seed):
+    return RunFolder(folder.path / f"seed_{seed}")
+
+
+def test_every_seed_ends_as_if_it_had_trained_alone(watched, alone, same_bits):
+    outcome, _ = watched
+    for seed in SEEDS:
+        assert differences(child(outcome.folder, seed), alone[seed]) == []
+    policies = load_policies(outcome.folder)
+    for weights in ("final", "best"):
+        states = network_states(outcome.folder, weights)
+        for seed in SEEDS:
+            assert same_bits(states[seed], network_states(alone[seed], weights)[seed])
+    assert same_bits(dict(policies[1].state_dict()), alone[1].load_weights("final"))
+    assert not same_bits(states[0], states[1])
+
+
+def test_the_run_says_how_far_every_seed_came_and_what_it_measured(watched, config, alone):
+    outcome, watch = watched
+    assert outcome.folder.status() == {
+        "state": "finished",
+        "timesteps": 1_600,
+        "weights": "final",
+        "seeds": [{"seed": seed, "state": "finished", "timesteps": 1_600} for seed in SEEDS],
+    }
+    assert (outcome.done, outcome.stopped_by, list(outcome.policies)) == (3_200, None, SEEDS)
+    assert watch.steps[-1] == outcome.done == config.total
+    assert sorted({measures["seed"] for _, measures in watch.evaluations}) == SEEDS
+    table = pd.read_csv(outcome.folder.path / "evaluations.csv")
+    for seed in SEEDS:
+        expected = pd.read_csv(alone[seed].path / "evaluations.csv")
+        pd.testing.assert_frame_equal(
+            table[table["seed"] == seed].drop(columns="seed").reset_index(drop=True), expected
+        )
+    assert [run.path for run in find_runs(outcome.folder.path.parent.parent)] == [outcome.folder.path]
+
+
+def test_a_training_that_is_stopped_ends_as_one_in_one_go(watched, config, tmp_path):
+    outcome = train(config, tmp_path, Watch(stop_at=1))
+    assert outcome.stopped_by == signal.SIGINT
+    assert outcome.folder.status()["state"] == "interrupted"
+    outcome = resume(outcome.folder, config)
+    assert outcome.stopped_by is None
+    for seed in SEEDS:
+        assert differences(child(outcome.folder, seed), child(watched[0].folder, seed)) == []
+    assert outcome.folder.status() == watched[0].folder.status()
+    with pytest.raises(UserError, match=r"1,600 steps of every seed.*--timesteps"):
+        resume(outcome.folder, config)
+    longer = resume(outcome.folder, with_values(config, timesteps=1_760))
+    assert {entry["timesteps"] for entry in longer.folder.status()["seeds"]} == {1_760}
+
+
+def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, config, tmp_path):
+    path, output = tmp_path / "random_reach" / "cc_s-ppo-1", tmp_path / "output"
+    source = watched[0].folder.path / "config.yaml"
+    with started("train", "--config", source, "--out", tmp_path, output=output) as process:
+        wait_until((path / "seed_0" / "resume.safetensors").exists, process, output)
+        os.kill(process.pid, signal.SIGKILL)
+        process.join(TIMEOUT)
+    folder = RunFolder(path)
+    deadline = time.monotonic() + TIMEOUT
+    while any((path / f"seed_{seed}" / ".lock").exists() for seed in SEEDS):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    resume(folder, folder.config())
+    for seed in SEEDS:
+        assert differences(child(folder, seed), child(watched[0].folder, seed)) == []
+
+
+def test_a_training_that_diverges_in_every_seed_is_one_error_that_names_them(config, tmp_path):
+    with pytest.raises(UserError, match=r"Seed 0 failed: .*diverged.*Seed 1 failed: .*learning_rate"):
+        train(with_values(config, ppo={"learning_rate": 1e30, "max_grad_norm": 1e30}), tmp_path)
+    (folder,) = find_runs(tmp_path)
+    assert folder.status()["state"] == "failed"
+
+
+def test_all_commands_take_such_a_run_and_each_of_its_seeds(watched, tmp_path, call):
+    run = watched[0].folder.path
+    for arguments, words in (
+        (("evaluate", run, "--trials", 8), "over 2 seeds"),
+        (("evaluate", f"{run}:1", "--trials", 8, "--weights", "best"), "goal completion"),
+        (("lesion", run, "--trials", 8, "--lesion", "callosum", "--no-retrain", "--out", "lesions"), "callosum"),
+        (("compare", f"{run}:0", f"{run}:1", "--trials", 8), None),
+        (("render", f"{run}:1", "--trials", 1, "--out", "video.gif"), None),
+        (("list", "--out", run.parent.parent), "of 2 seeds"),
+    ):
+        code, out, err = call(*arguments)
+        if words is None:
+            assert "Traceback" not in err
+        else:
+            assert (code, err) == (0, "")
+            assert words in " ".join(out.split())
+    begun = ["train", "--algo", "bptt", "--seeds", "2", "--epochs", "1", "--init-from", run, "--out", tmp_path / "new"]
+    few = ["bptt.trials=32", "bptt.batch_size=16", "bptt.validation_trials=8", "trial.trial_length=20"]
+    code, _, err = call(*begun, *(word for item in few for word in ("--set", item)))
+    assert (code, err) == (0, "")
+
+
+def test_the_command_says_what_it_does(tmp_path, watched):
+    command = ["train", "--config", watched[0].folder.path / "config.yaml", "--out", tmp_path]
+    code, text = finished(*command, output=tmp_path / "output")
+    assert code == 0, text
+    text = " ".join(text.split())
+    assert "1,600 steps of 8 arms, seeds 0 to 1 side by side" in text
+    assert "seed 1, " in text
+    assert "mean ± standard deviation over 2 seeds" in text
