@@ -18,6 +18,8 @@ from bilateral_rl.training.learner import Diverged, Learner, Moment
 from bilateral_rl.training.progress import UNWATCHED, Outcome, Progress, StopRequest
 
 RESUME = "resume.safetensors"
+_EARLY = "torch_random_state"
+"""Name of a tensor in what early runs of version 0.1.0 saved for resuming: weights apart, and no environment."""
 _LOG_SIZES = "file."
 """Prefix, in the resume file, of the number of bytes of each log: what is behind them will be written again."""
 
@@ -51,6 +53,11 @@ class Session:
             again = f"bilateral-rl train --config {folder.path / 'config.yaml'}"
             raise UserError(f"{folder.path} stopped before it was first saved; start anew with `{again}`.")
         tensors = folder.load_resume()
+        if _EARLY in tensors:
+            raise UserError(
+                f"{folder.path} was trained by an early version 0.1.0, which did not save all that resuming needs; begin "
+                f"a new training with its network: `bilateral-rl train --init-from {folder.path}` and the same settings."
+            )
         try:
             sizes = self._log_sizes(tensors)
             learner.load({name: t for name, t in tensors.items() if not name.startswith(_LOG_SIZES)})

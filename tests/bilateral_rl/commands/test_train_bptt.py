@@ -145,8 +145,6 @@ REFUSED = [
     (["train", "--algo", "bptt", "--set", "ppo.gamma=0.9"], "ppo"),
     (["train", "--algo", "bptt", "--set", "evaluation.trials=9"], "evaluation"),
     (["train", "--algo", "bptt", "--set", "network.critic_arch=[4]"], "critic_arch"),
-    (["train", "--algo", "ppo", "--seeds", "2"], "seeds"),
-    (["train", "--seeds", "2"], "seeds"),
     (["train", "--epochs", "2"], "epochs"),
     (["train", "--algo", "ppo", "--profile", "paper"], "profile"),
     (["train", "--set", "bptt.patience=2"], "bptt"),
