@@ -55,8 +55,9 @@ class Session:
         tensors = folder.load_resume()
         if _EARLY in tensors:
             raise UserError(
-                f"{folder.path} was trained by an early version 0.1.0, which did not save all that resuming needs; begin "
-                f"a new training with its network: `bilateral-rl train --init-from {folder.path}` and the same settings."
+                f"{folder.path} was trained by an early version 0.1.0, which did not save all that resuming needs; "
+                f"begin a new training with its network: `bilateral-rl train --init-from {folder.path}` and the same "
+                "settings."
             )
         try:
             sizes = self._log_sizes(tensors)
