@@ -12,30 +12,34 @@ import pandas as pd
 from bilateral_rl.io import files
 from bilateral_rl.io.errors import UserError
 
-LARGEST_TABLE, LONGEST_HEADER = 2**25, 2**12
-"""Bytes of a table and of its first line: far beyond use."""
-SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
-"""Of any measure but 0, whatever its sign: statistics take powers of it."""
+_LARGEST_TABLE, _LONGEST_HEADER = 2**25, 2**12
+"""Largest table and longest first line that are read, in bytes: far beyond use."""
+_SMALLEST_NUMBER, _LARGEST_NUMBER = 1e-30, 1e30
+"""The magnitudes accepted, beside 0: statistics take powers of them."""
 
 
 def read_table(path: Path, kinds: Mapping[str, type]) -> pd.DataFrame:
-    """Columns of the table that a CSV file holds.
+    """Read a table from a CSV file, as much of it as ``kinds`` names.
 
     Args:
-        path: the file; links may not lead out of its folder.
-        kinds: of the columns: str, bool, int (from 0 on), or float (nan where there is no finite number).
+        path: the file; no link may lead out of its folder.
+        kinds: the type of each column: str, bool, int (0 or more), or float (NaN where there is no finite number).
+
+    Returns:
+        The table, with exactly these columns.
 
     Raises:
-        FileNotFoundError: it is not there.
-        UserError: it cannot be read, or is no such table.
+        FileNotFoundError: the file does not exist.
+        UserError: it cannot be read, or holds no such table.
     """
-    content = files.read(path, LARGEST_TABLE, within=path.parent)
-    if len(content.partition(b"\n")[0]) > LONGEST_HEADER:
+    content = files.read(path, _LARGEST_TABLE, within=path.parent)
+    if len(content.partition(b"\n")[0]) > _LONGEST_HEADER:
         raise UserError(f"{path} is damaged: its first line is no list of columns.")
     try:
         with np.errstate(invalid="ignore"):
             table = pd.read_csv(io.BytesIO(content), dtype=kinds, usecols=kinds.__contains__, index_col=False)
-        _check(table, kinds)
+        for name in table:
+            _check_column(str(name), table[name], kinds[str(name)])
     except (ValueError, OverflowError) as error:
         raise UserError(f"{path} is damaged: {str(error).strip()}.") from None
     missing = [name for name in kinds if name not in table]
@@ -45,14 +49,13 @@ def read_table(path: Path, kinds: Mapping[str, type]) -> pd.DataFrame:
     return table.assign(**{name: table[name].replace([np.inf, -np.inf], np.nan) for name in infinite})
 
 
-def _check(table: pd.DataFrame, kinds: Mapping[str, type]) -> None:
-    for name in table:
-        values, kind = table[name], kinds[str(name)]
-        if kind is str and values.isna().any():
-            raise ValueError(f"words are missing in {name}")
-        if kind is int and (values < 0).any():
-            raise ValueError(f"numbers below 0 in {name}")
-        if kind is float:
-            sizes = values[np.isfinite(values) & (values != 0)].abs()
-            if not sizes.between(SMALLEST_NUMBER, LARGEST_NUMBER).all():
-                raise ValueError(f"numbers out of range in {name}")
+def _check_column(name: str, values: pd.Series, kind: type) -> None:
+    """Raise a ValueError for values that pandas reads as this type but nobody can compute with."""
+    if kind is str and values.isna().any():
+        raise ValueError(f"words are missing in {name}")
+    if kind is int and (values < 0).any():
+        raise ValueError(f"numbers below 0 in {name}")
+    if kind is float:
+        magnitudes = values[np.isfinite(values) & (values != 0)].abs()
+        if not magnitudes.between(_SMALLEST_NUMBER, _LARGEST_NUMBER).all():
+            raise ValueError(f"numbers out of range in {name}")

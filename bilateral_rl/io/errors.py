@@ -1,4 +1,4 @@
-"""Errors meant for the person at the command line."""
+"""Errors meant for the person at the command line, and how a program ends with them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rich.markup import escape
 from bilateral_rl.io.terminal import PatientStream, Terminal, printable
 
 _LONGEST = 4_000
-"""Characters: what a damaged file holds is quoted, but no book of it."""
+"""Longest message, in characters: what a damaged file holds is quoted, but no book of it."""
 
 
 class UserError(Exception):
-    """What was wrong, what was expected and what to do, in one sentence; the CLI prints it and exits with 2.
+    """A sentence that says what was wrong, what was expected and what to do; a command prints it and exits with 2.
 
-    It may quote names and values that others chose, and stays one line that is safe to print.
+    The sentence may quote names and values that others chose, and stays one line that is safe to print.
     """
 
     def __init__(self, sentence: str) -> None:

@@ -1,4 +1,4 @@
-"""Tensorboard's files of a training that goes on from an earlier state: no step twice, all in their order."""
+"""Tensorboard's event files, cut back where a training goes on from an earlier state."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 from tensorboard.compat.proto.event_pb2 import Event  # type: ignore[import-untyped]
 
 _LENGTH, _CHECKSUM = 8, 4
-"""Bytes. A record is its length, a checksum, its content, and another checksum."""
+"""Sizes in bytes: a record is its length, a checksum, its content, and another checksum."""
 _LONGEST = 2**28
-"""Bytes of a record, far beyond use: somebody else's file may claim anything."""
+"""Longest record that is read, in bytes: a damaged file may claim any length."""
 
 
 def cut_back(folder: Path, step: int) -> None:
-    """Remove what ``folder`` says of later steps, and give its files names that come before that of any new one.
+    """Remove records of later steps from the event files in ``folder``, and rename the files to come before new ones.
 
-    Tensorboard reads files in the order of their names, which begin with the time by the clock on the wall: two of one
-    second, or a clock that was set back, would mix them up, and its own ``purge_step`` then purges the wrong ones.
+    Tensorboard reads files in the order of their names, which hold the time at which each was made. Two files of one
+    second, or a clock that was set back, would mix them up, and tensorboard's own ``purge_step`` would then purge the
+    wrong records.
     """
     for number, path in enumerate(sorted(folder.glob("events.out.tfevents.*"))):
-        os.truncate(path, _end(path, step))
+        os.truncate(path, _end_of_past(path, step))
         path.rename(folder / f"events.out.tfevents.{number:010d}")
 
 
-def _end(path: Path, step: int) -> int:
-    """Where the first record of a later step begins, or one that was not written to its end."""
+def _end_of_past(path: Path, step: int) -> int:
+    """Find where the first record begins that is of a later step or was not written to its end, in bytes."""
     end = 0
     with path.open("rb") as file:
         while len(head := file.read(_LENGTH + _CHECKSUM)) == _LENGTH + _CHECKSUM:

@@ -16,40 +16,34 @@ from bilateral_rl.io.errors import UserError
 
 Tensors = dict[str, Tensor]
 
-LARGEST_HEADER = 2**20
-"""Bytes: names and shapes of ten thousand tensors."""
 DTYPES = (torch.float32, torch.float64, torch.int32, torch.int64, torch.uint8, torch.bool)
-MOST_DIMENSIONS = 8
-"""What runs hold; torch knows more kinds than it can compute with."""
+"""The types that runs hold; torch knows more than it can compute with."""
+_MOST_DIMENSIONS = 8
 
 
 def save(tensors: Tensors, path: Path) -> None:
-    """Write ``tensors`` from whatever device. Raises OSError if it cannot be written."""
-    # Its own ``save_file`` leaves a second temporary file where it is killed, and lets nobody else read the result.
+    """Write ``tensors``, on whatever device they are. Raises OSError if the file cannot be written."""
+    # The library's ``save_file`` leaves a second temporary file where it is killed, and lets nobody else read the file.
     path.write_bytes(to_bytes({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}))
 
 
 def load(path: Path, most: int, within: Path) -> Tensors:
-    """The tensors that a file of a run folder holds.
+    """Read the tensors, by name, that a file of a run folder holds.
 
     Args:
         path: the file.
-        most: bytes that it may have.
+        most: the largest size accepted, in bytes.
         within: the run folder.
 
     Raises:
-        FileNotFoundError: it is not there.
+        FileNotFoundError: the file does not exist.
         UserError: it is damaged, or as for :func:`bilateral_rl.io.files.find`.
     """
     real = files.find(path, most, within)
     try:
-        with real.open("rb") as file:
-            header = int.from_bytes(file.read(8), "little")
-        if header > LARGEST_HEADER:
-            raise ValueError(f"its header claims {header:,} bytes")
-        tensors = load_file(real)
+        tensors = load_file(real)  # refuses a header that claims more than 100 MB
         for name, tensor in tensors.items():
-            if tensor.dtype not in DTYPES or tensor.ndim > MOST_DIMENSIONS:
+            if tensor.dtype not in DTYPES or tensor.ndim > _MOST_DIMENSIONS:
                 raise ValueError(f"its {name} is of type {tensor.dtype} and of {tensor.ndim} dimensions")
     except (SafetensorError, OSError, ValueError, RuntimeError, TypeError, LookupError) as error:
         raise UserError(f"{path} is damaged: {error}.") from None

@@ -1,4 +1,4 @@
-"""Runs made of models that stable-baselines3 saved: zip files, which execute code when they are loaded."""
+"""Import of models that stable-baselines3 saved: zip files, which execute code when they are loaded."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from bilateral_rl.runs.policies import build_policy
 
 @dataclass(frozen=True)
 class SavedModel:
-    """What ``model.save`` of a stable-baselines3 algorithm wrote, with a policy of this package.
+    """A model that a stable-baselines3 algorithm saved by ``model.save``, with a policy of this package.
 
     Args:
         path: the file.
-        data: attributes of the algorithm by name.
-        weights: ``state_dict()`` of the policy.
+        data: the algorithm's attributes, by name.
+        weights: the policy's ``state_dict()``.
     """
 
     path: Path
@@ -41,10 +41,10 @@ class SavedModel:
 
     @classmethod
     def load(cls, path: Path) -> SavedModel:
-        """Read ``path``, which executes whatever it holds. Raises UserError if it is no such model."""
+        """Read ``path``, which executes whatever code it holds. Raises UserError if it is no such model."""
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of attributes that another version pickled, and nobody needs here
+                warnings.simplefilter("ignore")  # about attributes that another version pickled, and nobody needs here
                 data, parameters, _ = load_from_zip_file(path, device="cpu")
             return cls(path, dict(data or {}), dict(parameters["policy"]))
         except Exception as error:  # pickles raise anything
@@ -52,18 +52,18 @@ class SavedModel:
 
     @property
     def algo(self) -> str:
-        """What ``--algo`` calls the algorithm. Raises UserError for a policy that is none of ours."""
+        """The algorithm's name, as in ``--algo``. Raises UserError for a policy that is not of this package."""
         policy = self.data.get("policy_class")
-        fit = [name for name, algorithm in ALGORITHM_CLASSES.items() if _is_a(policy, algorithm.POLICY_CLASS)]
-        if not fit:
+        fitting = [name for name, algorithm in ALGORITHM_CLASSES.items() if _is_a(policy, algorithm.POLICY_CLASS)]
+        if not fitting:
             name = getattr(policy, "__name__", policy)
             raise UserError(f"{self.path} has the policy {name}; only those of bilateral_rl have hemispheres.")
-        if fit == ["ppo", "a2c"]:
+        if fitting == ["ppo", "a2c"]:
             return "ppo" if "clip_range" in self.data else "a2c"
-        return fit[0]
+        return fitting[0]
 
     def policy(self) -> MotorPolicy:
-        """The policy, trained. Raises UserError if it cannot be built or does not act on the arm."""
+        """Build the trained policy. Raises UserError if it cannot be built or does not act on the arm."""
         self._check_spaces()
         try:
             policy: MotorPolicy = self.data["policy_class"](
@@ -73,7 +73,7 @@ class SavedModel:
                 **self.data.get("policy_kwargs", {}),
             )
             policy.load_state_dict(self.weights)
-        except Exception as error:  # as above
+        except Exception as error:  # pickles raise anything
             raise UserError(f"The policy of {self.path} cannot be built: {error!r}.") from None
         broken = [name for name, tensor in self.weights.items() if not tensor.isfinite().all()]
         if broken:
@@ -81,9 +81,10 @@ class SavedModel:
         return policy
 
     def config(self, task: str, overrides: Mapping[str, Any]) -> TrainConfig:
-        """The configuration of a run with this policy, as far as the model tells, with ``overrides`` over it.
+        """Build the configuration of a run with this policy, as far as the model tells, with ``overrides`` over it.
 
-        Raises UserError where there is none.
+        Raises:
+            UserError: no configuration describes this model.
         """
         algo, policy = self.algo, self.policy()
         network = policy.motor_network
@@ -91,7 +92,7 @@ class SavedModel:
         names = [n for n, m in MODELS.items() if (m.architecture, m.loss) == (network.architecture, trained_by)]
         if not names:
             raise UserError(f"{self.path} is {network.architecture}, trained by {trained_by}: there is no such model.")
-        own: Values = {
+        stored: Values = {
             "model": names[0],
             "seed": self.data.get("seed") or 0,
             "timesteps": max(self.data.get("num_timesteps", 0), 1),
@@ -104,21 +105,21 @@ class SavedModel:
             },
             algo: self._hyperparameters(algo, policy),
         }
-        return resolve(algo, task, [own, overrides])
+        return resolve(algo, task, [stored, overrides])
 
     def _hyperparameters(self, algo: str, policy: MotorPolicy) -> Values:
-        """Those of the algorithm that are plain numbers, or schedules of them."""
+        """Collect the algorithm's hyperparameters that are plain numbers, or schedules of them."""
         config = CONFIGS[algo]()
         assert isinstance(config, RLConfig)
         names = [field.name for field in dataclasses.fields(config.hyperparameters)]
-        of_stock = {"weight_penalty": 0.0, "reward_scale": 1.0}
-        given = {**of_stock, **self.data, "n_critics": getattr(policy, "n_critics", None)}
-        found = {name: _number(given.get(name), 1.0) for name in names}
-        final = {name: _number(given.get(name.removeprefix("final_")), 0.0) for name in names if "final_" in name}
-        return {name: value for name, value in (found | final).items() if value is not None}
+        stock = {"weight_penalty": 0.0, "reward_scale": 1.0}
+        stored = {**stock, **self.data, "n_critics": getattr(policy, "n_critics", None)}
+        values = {name: _number(stored.get(name), 1.0) for name in names}
+        final = {name: _number(stored.get(name.removeprefix("final_")), 0.0) for name in names if "final_" in name}
+        return {name: value for name, value in (values | final).items() if value is not None}
 
     def _check_spaces(self) -> None:
-        """Raise a UserError unless they are those of the arm."""
+        """Raise a UserError unless the model observes and commands what the arm does."""
         low, _ = TrainConfig().trial.observation_bounds()
         observed, commanded = self.data.get("observation_space"), self.data.get("action_space")
         muscles = spaces.Box(-1.0, 1.0, (6,))
@@ -133,7 +134,8 @@ def import_model(path: Path, task: str, overrides: Mapping[str, Any], out: Path)
     """Make a run below ``out`` of the model that stable-baselines3 saved as ``path``; loading it executes code.
 
     Raises:
-        UserError: what is no model of ours, does not fit the arm or the settings, or cannot be written.
+        UserError: the file is no model of this package, does not fit the arm or the settings, or the run cannot be
+            written.
     """
     model = SavedModel.load(path)
     config = model.config(task, overrides)
@@ -159,7 +161,7 @@ def _is_same_box(space: object, box: spaces.Box) -> bool:
 
 
 def _number(value: Any, remaining: float) -> float | int | None:
-    """A number, or what a schedule gives where this share of the training remains; None for anything else."""
-    value = getattr(value, "frequency", value)  # of training
+    """Return a number, or what a schedule of it gives where ``remaining`` of 1 is left; None for anything else."""
+    value = getattr(value, "frequency", value)  # of a TrainFreq
     value = value(remaining) if callable(value) else value
     return value if isinstance(value, (int, float)) else None
