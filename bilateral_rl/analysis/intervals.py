@@ -149,11 +149,15 @@ def squared_error(values: Float64) -> float:
 
 
 def _fieller(a: Float64, b: Float64, ratio: float, paired: bool) -> tuple[float, float]:
-    """The roots ρ of (mean a − ρ mean b)² = t² · squared error of (mean a − ρ mean b)."""
+    """Return the roots ρ of (mean a − ρ mean b)² = t² · squared error of (mean a − ρ mean b).
+
+    Over (mean b)², with r the ratio of the means, aa and bb t² times their squared errors and ab t² times their
+    covariance, that is (r − ρ)² = aa − 2 ρ ab + ρ² bb, or (1 − bb) ρ² − 2 (r − ab) ρ + r² − aa = 0. From bb ≥ 1 on, the
+    divisor may be 0, and no ρ is excluded on both sides.
+    """
     if not pair_has_spread(a, ratio * b, paired):
         return ratio, ratio
     df = len(a) - 1 if paired else welch_df(a, ratio * b)
-    # t² times the squared errors and the covariance of the two means, in units of the divisor's mean.
     scale = (float(stats.t.isf(_TAIL, df)) / b.mean()) ** 2
     aa, bb = scale * squared_error(a), scale * squared_error(b)
     ab = scale * float(np.cov(a, b)[0, 1]) / len(a) if paired else 0.0
@@ -166,14 +170,14 @@ def _fieller(a: Float64, b: Float64, ratio: float, paired: bool) -> tuple[float,
 
 
 def _noncentrality_interval(t: float, df: int) -> tuple[float, float]:
-    """The noncentralities at which ``t`` leaves 97.5 % and 2.5 % of a t distribution below it."""
+    """Return the noncentralities of the t distributions that have 97.5 % and 2.5 % below ``t``."""
     if t < 0:
         low, high = _noncentrality_interval(-t, df)
         return -high, -low
     if t > _LARGE_T:
-        # The distribution is that of the noncentrality over a scaled chi, the normal part vanishes beside it.
+        # (noncentrality + normal) / scaled chi: so far out the normal part no longer matters.
         return t * _scaled_chi(_TAIL, df), t * _scaled_chi(1 - _TAIL, df)
-    # Half the tail to either part bounds both roots; SciPy's distribution fails far out.
+    # Each part at half the tail bounds both roots; brackets must be near, because SciPy's distribution fails far out.
     normal = float(special.ndtri(1 - _TAIL / 2))
     least, most = t * _scaled_chi(_TAIL / 2, df) - normal, t * _scaled_chi(1 - _TAIL / 2, df) + normal
     low, high = (float(brentq(_excess, least, most, args=(t, df, q))) for q in (1 - _TAIL, _TAIL))
@@ -185,7 +189,7 @@ def _excess(noncentrality: float, t: float, df: int, probability: float) -> floa
 
 
 def _scaled_chi(probability: float, df: int) -> float:
-    """Quantile of the root of chi-square over its degrees of freedom."""
+    """Return the quantile of √(χ² / df), by which a noncentral t variable is divided."""
     return float(np.sqrt(special.chdtri(df, 1 - probability) / df))
 
 

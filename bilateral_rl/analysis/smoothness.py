@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from bilateral_rl.analysis.samples import Float64
 
 MAX_CUTOFF = 10.0
-"""Hz; what is above does not count."""
+"""Highest frequency that counts (Hz)."""
 AMPLITUDE_THRESHOLD = 0.05
 """Share of the spectrum's maximum under which its tail does not count."""
 PAD_LEVEL = 4
@@ -30,17 +30,18 @@ def sparc(speed: ArrayLike, timestep: float) -> Float64:
     never moves, and where nothing but frequency 0 counts.
 
     Args:
-        speed: (..., T) m/s, at least 0.
-        timestep: s.
+        speed: (..., T), at least 0 (m/s).
+        timestep: length of a step (s).
 
     Returns:
-        (...): of each trial.
+        One value a trial, (...).
     """
     speed = np.asarray(speed, dtype=np.float64)
     length = 2 ** (math.ceil(math.log2(speed.shape[-1])) + PAD_LEVEL)
     frequency = np.fft.rfftfreq(length, timestep)
-    frequency = frequency[frequency <= MAX_CUTOFF]
-    amplitude = _unit_peak(np.abs(np.fft.rfft(speed, length))[..., : len(frequency)])
+    frequency = frequency[frequency <= MAX_CUTOFF]  # (F,) Hz
+    amplitude = _unit_peak(np.abs(np.fft.rfft(speed, length))[..., : len(frequency)])  # (..., F)
+    # (..., 1): index of the last frequency that counts. Each trial's arcs, (..., F - 1), are summed up to there.
     last = np.where(amplitude >= AMPLITUDE_THRESHOLD, np.arange(len(frequency)), 0).max(axis=-1, keepdims=True)
     arcs = np.hypot(np.diff(frequency) / _nan_unless_positive(frequency[last]), np.diff(amplitude))
     arc_length = np.where(np.arange(len(frequency) - 1) < last, arcs, 0.0).sum(axis=-1)
@@ -55,11 +56,11 @@ def ldlj(speed: ArrayLike, timestep: float) -> Float64:
     second derivative but 0.
 
     Args:
-        speed: (..., T) m/s.
-        timestep: s.
+        speed: (..., T), (m/s).
+        timestep: length of a step (s).
 
     Returns:
-        (...): of each trial.
+        One value a trial, (...).
     """
     speed = np.asarray(speed, dtype=np.float64)
     duration = speed.shape[-1] * timestep
