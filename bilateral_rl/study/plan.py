@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
@@ -41,7 +41,7 @@ _SPECIALIZED_COST = 1.25
 
 @dataclass(frozen=True)
 class Study:
-    """Which trainings a study makes: every model on every task.
+    """Which trainings a study makes: every model on each of the paper's tasks.
 
     Raises:
         UserError: an unknown algorithm or profile, less than one seed, or overrides of what a study itself sets.
@@ -72,7 +72,7 @@ class Study:
     @property
     def n_jobs(self) -> int:
         """Number of jobs that the study comes to."""
-        return len(TASKS) * len(MODELS) * (1 if _is_supervised(self.algo) else self.seeds)
+        return len(JUDGED_RADII) * len(MODELS) * (1 if _is_supervised(self.algo) else self.seeds)
 
     def configs(self, threads: int = 1) -> list[TrainConfig]:
         """The configuration of every training: of all seeds at once if supervised, else one a seed.
@@ -84,7 +84,7 @@ class Study:
         layers = [_QUICK[self.algo] if self.quick else {}, together, {"threads": threads}]
         configs = [
             resolve(self.algo, task, [*layers, self._calibrated(task), self.overrides], model=model)
-            for task in TASKS
+            for task in JUDGED_RADII
             for model in MODELS
         ]
         if any(config.trial.noisy or config.trial.feedback_delay for config in configs):

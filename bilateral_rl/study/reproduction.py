@@ -9,7 +9,6 @@ import pandas as pd
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.claims import Claim, evaluate_claims
-from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.files import replacing
 from bilateral_rl.study.drawing import draw_study
@@ -46,7 +45,7 @@ def conclude(
     tables = list(study_tables(results, JUDGED_RADII))
     _write(results, claims, tables, folder)
     say("drawing the figures")
-    runs = {task: runs_of(folder, [config for config in configs if config.task == task]) for task in TASKS}
+    runs = {task: runs_of(folder, [config for config in configs if config.task == task]) for task in JUDGED_RADII}
     pictures = [
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
         for drawing in draw_study(results, JUDGED_RADII, runs)

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.envs.tasks import TASKS
+from bilateral_rl.envs.tasks import TASKS, RandomReach
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.plan import Study, side_by_side
 
-PAIRS = [(task, model) for task in TASKS for model in MODELS]
+PAIRS = [(task, model) for task in JUDGED_RADII for model in MODELS]
 
 
 def test_supervised_training_has_a_job_a_model_and_task():
@@ -32,6 +33,12 @@ def test_reinforcement_learning_has_a_job_a_model_task_and_seed():
     assert len(jobs) == len({job.name for job in jobs}) == len({job.result for job in jobs}) == 14 * 3
     trainings = [tuple(job.arguments["config"][name] for name in ("task", "model", "seed")) for job in jobs]
     assert sorted(trainings) == sorted((task, model, seed) for task, model in PAIRS for seed in range(3))
+
+
+def test_a_new_task_does_not_join_the_paper(monkeypatch):
+    monkeypatch.setitem(TASKS, "new", RandomReach)
+    study = Study(seeds=2)
+    assert study.n_jobs == len(study.jobs()) == 14
 
 
 @pytest.mark.parametrize("algo", ["bptt", "ppo"])
