@@ -1,4 +1,4 @@
-"""The command line: it parses, calls the study code and prints."""
+"""The command line: options and their help. Each command is imported when it is called, so that help comes at once."""
 
 from __future__ import annotations
 
@@ -25,6 +25,17 @@ Run = Annotated[
     str, typer.Argument(help="A run folder, such as runs/random_reach/cc_s-ppo-1, or RUN:SEED for one seed of it.")
 ]
 Out = Annotated[Path, typer.Option(help="Folder of all runs.")]
+Trials = Annotated[int, typer.Option(help="Trials of each test.")]
+TestSeed = Annotated[int, typer.Option(help="Seed of the trials; trial i is the first one of seed + i.")]
+Weights = Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
+]
+Jobs = Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")]
+Ray = Annotated[
+    str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
+]
 
 
 @app.command()
@@ -41,15 +52,15 @@ def train(
     timesteps: Annotated[
         int | None, typer.Option(help="Environment steps, over all arms (not bptt).", show_default="12000000 by ppo")
     ] = None,
-    epochs: Annotated[int | None, typer.Option(help="At most so many (bptt).", show_default="100")] = None,
+    epochs: Annotated[int | None, typer.Option(help="Largest number of epochs (bptt).", show_default="100")] = None,
     seeds: Annotated[
-        int | None, typer.Option(help="Networks to train at once, of --seed and up (bptt).", show_default="1")
+        int | None, typer.Option(help="Networks to train in one run, of seeds --seed and up.", show_default="1")
     ] = None,
     profile: Annotated[
         str | None,
         typer.Option(help="Weight penalty: paper, or released for its code's (bptt).", show_default="paper"),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Of weights, exploration and trials.", show_default="0")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of weights, exploration and trials.", show_default="0")] = None,
     n_envs: Annotated[
         int | None, typer.Option(help="Arms simulated at once (not bptt).", show_default="1024 by ppo")
     ] = None,
@@ -58,7 +69,7 @@ def train(
     ] = None,
     layers: Annotated[int | None, typer.Option(help="Hidden layers.", show_default="2")] = None,
     threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).", show_default="0.05")] = None,
-    device: Annotated[str | None, typer.Option(help="cpu or cuda.", show_default="cpu")] = None,
+    device: Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="cpu")] = None,
     init_from: Annotated[
         str | None, typer.Option(metavar="RUN[:SEED]", help="Begin with this run's network, whatever trained it.")
     ] = None,
@@ -67,11 +78,14 @@ def train(
         typer.Option("--track/--no-track", help="Log to Weights & Biases too (extra: track).", show_default="no"),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of all runs.", show_default="runs")] = None,
-    config: Annotated[Path | None, typer.Option(help="Settings from a YAML or JSON file.")] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            help="Settings from a YAML or JSON file. A run's config.yaml brings to another task or algorithm what was "
+            "chosen for the run, not what was tuned for its task."
+        ),
     ] = None,
+    overrides: Overrides = None,
     resume: Annotated[
         Path | None,
         typer.Option(help="Go on with this run; only --timesteps or --epochs, --device and --track go with it."),
@@ -85,28 +99,29 @@ def train(
         "seed": seed, "n_envs": n_envs, "device": device, "init_from": init_from, "track": track,
         "network.units": units, "network.layers": layers, "trial.threshold": threshold,
     }  # fmt: skip
-    if resume is not None:
-        given = {
-            **flags,
-            "algo": algo,
-            "model": model,
-            "task": task,
-            "config": config,
-            "set": overrides or None,
-            "out": out,
-        }
-        command.resume(resume, given, console)
-        return
-    command.train(algo, model, task, flags, config, overrides or [], out or RUNS, console)
+    if resume is None:
+        command.train(
+            algo=algo,
+            model=model,
+            task=task,
+            flags=flags,
+            config_file=config,
+            overrides=overrides or [],
+            out=out or RUNS,
+            console=console,
+        )
+    else:
+        others = {"algo": algo, "model": model, "task": task, "config": config, "set": overrides or None, "out": out}
+        command.resume(path=resume, given=flags | others, console=console)
 
 
 @app.command()
 def evaluate(
     run: Run,
-    trials: Annotated[int, typer.Option(help="How many trials.")] = TEST_TRIALS,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = TEST_SEED,
+    trials: Trials = TEST_TRIALS,
+    seed: TestSeed = TEST_SEED,
     deterministic: Annotated[bool, typer.Option(help="Act by the mean, not by sampling.")] = True,
-    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
+    weights: Weights = "final",
     csv: Annotated[Path | None, typer.Option(help="Write one row a trial here; - is the terminal.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the table here; - is the terminal.")] = None,
 ) -> None:
@@ -137,9 +152,9 @@ def lesion(
         str | None,
         typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test.")] = TEST_TRIALS,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = TEST_SEED,
-    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the run.")] = "final",
+    trials: Trials = TEST_TRIALS,
+    seed: TestSeed = TEST_SEED,
+    weights: Weights = "final",
     out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="RUN-lesions")] = None,
 ) -> None:
     """Lesion a trained model in every way it can be, each without and with an epoch of retraining."""
@@ -165,8 +180,8 @@ def compare(
         list[str] | None,
         typer.Option("--metric", help="Such as effort; may be repeated.", show_default="the task's preferred one"),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test (of models).")] = TEST_TRIALS,
-    seed: Annotated[int, typer.Option(help="Of the trials (of models).")] = TEST_SEED,
+    trials: Annotated[int, typer.Option(help="Trials of each test (of models).")] = TEST_TRIALS,
+    seed: Annotated[int, typer.Option(help="Seed of the trials (of models).")] = TEST_SEED,
     csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
 ) -> None:
     """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""
@@ -180,9 +195,9 @@ def render(
     runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="One run or several side by side; RUN:SEED.")],
     out: Annotated[Path | None, typer.Option(help="An .mp4 or .gif file.", show_default="RUN.mp4")] = None,
     trials: Annotated[int, typer.Option(help="How many, one after another.")] = 4,
-    seed: Annotated[int, typer.Option(help="Of the trials; trial i is the first one of seed + i.")] = TEST_SEED,
+    seed: TestSeed = TEST_SEED,
     lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",
-    weights: Annotated[str, typer.Option(help="final, best or step_…: which weights of the runs.")] = "final",
+    weights: Weights = "final",
     slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
     size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
 ) -> None:
@@ -208,14 +223,9 @@ def reproduce(
     profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
     seeds: Annotated[int | None, typer.Option(help="Networks of each model.", show_default="10; 3 if quick")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A preview: 3 seeds, short trainings.")] = False,
-    jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray)."),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
-    ] = None,
+    jobs: Jobs = None,
+    ray: Ray = None,
+    overrides: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the study.", show_default="runs/reproduce-…")] = None,
 ) -> None:
     """Reproduce the whole paper: seven models, two tasks, lesions, statistics, figures, and a report with verdicts."""
@@ -241,18 +251,14 @@ def sweep(
         typer.Option(metavar="KEY=V,V,…", help="A setting and its values; may be repeated. model and task are two."),
     ],
     algo: Annotated[str, typer.Option(help="bptt, ppo, a2c, sac or td3.")] = "bptt",
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Any setting of every training.")
-    ] = None,
+    overrides: Overrides = None,
     metrics: Annotated[
         list[str] | None,
         typer.Option("--metric", help="To print, such as time_in_goal_1cm; may be repeated."),
     ] = None,
-    trials: Annotated[int, typer.Option(help="Of each test.")] = TEST_TRIALS,
-    jobs: Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")] = None,
-    ray: Annotated[
-        str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
-    ] = None,
+    trials: Trials = TEST_TRIALS,
+    jobs: Jobs = None,
+    ray: Ray = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the sweep.", show_default="runs/sweep")] = None,
 ) -> None:
     """Train at every point of a grid of settings, and show what came out side by side."""
