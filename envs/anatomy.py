@@ -1,18 +1,17 @@
-"""Where pictures show bones and muscles: the courses of muscles along the arm, from posture and moment arms.
-
-Positions of elbow and hand and the moment arms are those of ``arm/physics.py``, written a second time in NumPy: called
-one by one from Python, Warp's functions take as long as the rest of a picture. A test holds both together.
-"""
+"""Where pictures show bones and muscles: the courses of muscles along the arm, from posture and moment arms."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
+import warp as wp
 from numpy.typing import ArrayLike
 
-from bilateral_rl.envs.arm.parameters import ArmParameters
+from bilateral_rl.envs.arm import physics
+from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.canvas import Points
 
 _FLEXION, _EXTENSION = 1.0, -1.0
@@ -43,16 +42,25 @@ ROUTES = {
 
 
 def elbow_and_hand(arm: ArmParameters, angles: Points) -> tuple[Points, Points]:
-    """Return the positions (…, 2) of elbow and hand (m) at postures (…, 2) (rad)."""
-    elbow = arm.link_length[0] * direction(angles[..., 0])
-    return elbow, elbow + arm.link_length[1] * direction(angles.sum(axis=-1))
+    """Return the positions (2,) of elbow and hand (m) at a posture (2,) (rad)."""
+    position = physics.hand(_parameters(arm), _at_rest(angles))
+    return arm.link_length[0] * direction(angles[0]), np.array([position[0], position[1]])
 
 
 def moment_arms(arm: ArmParameters, angles: Points) -> Points:
     """Return the magnitudes (6, 2) of each muscle's moment arms at shoulder and elbow (m) at a posture (2,) (rad)."""
-    linear = np.array((arm.path_linear_shoulder, arm.path_linear_elbow)).T
-    quadratic = np.array((arm.path_quadratic_shoulder, arm.path_quadratic_elbow)).T
-    return np.abs(linear + 2 * quadratic * (angles - arm.path_reference_angle))
+    paths = [physics.geometry(_parameters(arm), _at_rest(angles), m) for m in range(N_MUSCLES)]
+    return np.abs([(path[2], path[3]) for path in paths])
+
+
+@lru_cache(maxsize=4)
+def _parameters(arm: ArmParameters) -> Any:
+    """Return the struct that the physics takes; called from Python, it computes in single precision."""
+    return physics.kernel_parameters(arm, wp.float32)
+
+
+def _at_rest(angles: Points) -> Any:
+    return physics.arm_types(wp.float32).vec4(*angles, 0.0, 0.0)
 
 
 def muscle_course(joints: Points, route: Route, moment_arm: Points) -> Points:

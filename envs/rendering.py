@@ -110,7 +110,8 @@ def _draw_workspace(canvas: Canvas, arm: ArmParameters) -> None:
     corners = _box(q1_min, q1_max, q2_min, q2_max)
     along = np.linspace(0, 1, 40)[:, None]
     postures = np.concatenate([a + along * (b - a) for a, b in pairwise(corners)])
-    canvas.polygon(elbow_and_hand(arm, postures)[1], _WORKSPACE, _FAINT)
+    hands = np.stack([elbow_and_hand(arm, posture)[1] for posture in postures])
+    canvas.polygon(hands, _WORKSPACE, _FAINT)
 
 
 def _draw_path(canvas: Canvas, path: Points) -> None:

@@ -5,13 +5,10 @@ import sys
 
 import numpy as np
 import pytest
-import warp as wp
 
 from bilateral_rl.envs import canvas
 from bilateral_rl.envs.anatomy import elbow_and_hand, moment_arms
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES, ArmParameters
-from bilateral_rl.envs.arm.physics import arm_types, geometry, kernel_parameters
-from bilateral_rl.envs.arm.physics import hand as hand_state
 from bilateral_rl.envs.canvas import Window, tile
 from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
 
@@ -68,18 +65,20 @@ def is_near(mask, point, radius):
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0), (0.7, 1.4), (2.3, 2.6)])
-def test_pictures_show_the_posture_and_the_moment_arms_of_the_physics(angles):
+def test_bones_and_moment_arms_are_those_of_the_posture(angles):
     arm = ArmParameters(
         link_length=(0.3, 0.25), path_quadratic_shoulder=(0.01,) * 6, path_quadratic_elbow=(-0.02,) * 6,
         path_reference_angle=(0.4, 1.1),
     )  # fmt: skip
-    p, joint = kernel_parameters(arm, wp.float32), arm_types(wp.float32).vec4(*angles, 0.0, 0.0)
-    paths = [geometry(p, joint, m) for m in range(6)]
-    np.testing.assert_allclose(moment_arms(arm, np.array(angles)), np.abs([[q[2], q[3]] for q in paths]), atol=1e-6)
     elbow, hand = elbow_and_hand(arm, np.array(angles))
-    np.testing.assert_allclose(hand, list(hand_state(p, joint))[:2], atol=1e-6)
-    assert np.linalg.norm(elbow) == pytest.approx(0.3)
-    assert np.linalg.norm(hand - elbow) == pytest.approx(0.25)
+    whole = np.sum(angles)
+    np.testing.assert_allclose(elbow, 0.3 * np.array([np.cos(angles[0]), np.sin(angles[0])]), atol=1e-6)
+    np.testing.assert_allclose(hand - elbow, 0.25 * np.array([np.cos(whole), np.sin(whole)]), atol=1e-6)
+    expected = [
+        [abs(s + 2 * 0.01 * (angles[0] - 0.4)), abs(e - 2 * 0.02 * (angles[1] - 1.1))]
+        for s, e in zip(arm.path_linear_shoulder, arm.path_linear_elbow, strict=True)
+    ]
+    np.testing.assert_allclose(moment_arms(arm, np.array(angles)), expected, atol=1e-7)
 
 
 @pytest.mark.parametrize("size", [64, 480, 501])
