@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import signal
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,9 +23,8 @@ from bilateral_rl.training import run as training
 from bilateral_rl.training.progress import Outcome
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
-INTERRUPTED_EXIT = 128 + signal.SIGINT
 SUMMARY_TRIALS, SUMMARY_SEED = TEST_TRIALS, TEST_SEED
-"""Of the table at the end of a training; `evaluate` defaults to the same, so that both print the same numbers."""
+"""Trials of the table at the end; `evaluate` has the same by default, so that both print the same numbers."""
 
 
 def train(
@@ -101,7 +99,7 @@ def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:
 
 
 def _next_training(config: TrainConfig, path: str, out: str) -> str:
-    """What one might train next."""
+    """Suggest what to train next."""
     if config.algo == "bptt":
         same = f"--model {config.model} --task {config.task}"
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"

@@ -12,7 +12,6 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
-from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import ActorCriticConfig, OffPolicyConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
@@ -43,7 +42,7 @@ def build_network(config: TrainConfig) -> MotorNetwork:
     """Build a fresh network of the run's architecture and sizes, from torch's random state."""
     low, _ = config.trial.observation_bounds()
     network = config.network
-    return make_network(find_model(config.model).architecture, len(low), N_MUSCLES, network.units, network.layers)
+    return make_network(config.spec.architecture, len(low), N_MUSCLES, network.units, network.layers)
 
 
 def build_policy(config: TrainConfig) -> MotorPolicy:
@@ -53,7 +52,7 @@ def build_policy(config: TrainConfig) -> MotorPolicy:
         spaces.Box(low, high),
         spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
         lr_schedule=lambda _: 0.0,
-        n_streams=len(stream_mix(find_model(config.model).loss)),
+        n_streams=len(stream_mix(config.spec.loss)),
         **policy_arguments(config),
     )
 
@@ -69,7 +68,7 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     network = config.network
     critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
     arguments = {
-        "architecture": find_model(config.model).architecture,
+        "architecture": config.spec.architecture,
         "units": network.units,
         "layers": network.layers,
         "critic_arch": critics.critic_arch,
@@ -170,7 +169,7 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
         return None
     folder, seed = parse_run(config.init_from)
     source = folder.config()
-    here, there = find_model(config.model).architecture, find_model(source.model).architecture
+    here, there = config.spec.architecture, source.spec.architecture
     sizes = [(c.network.units, c.network.layers) for c in (config, source)]
     if here != there or sizes[0] != sizes[1]:
         raise UserError(

@@ -1,4 +1,4 @@
-"""Which algorithm, policy and environment a configuration stands for."""
+"""The algorithm, policy and environment that a configuration stands for."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
-from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
@@ -26,7 +25,7 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
         algorithm = algorithm_class(
             algorithm_class.POLICY_CLASS,
             env,
-            loss=find_model(config.model).loss,
+            loss=config.spec.loss,
             **algorithm_arguments(config),
             stats_window_size=max(100, config.n_envs),
             policy_kwargs=policy_arguments(config),

@@ -1,7 +1,7 @@
-"""Everything that the rest of a reinforcement learning depends on, as named tensors: whatever SB3 algorithm it is.
+"""The whole state of an SB3 algorithm as named tensors: everything that the rest of its training depends on.
 
-Taken between two iterations of ``learn`` (``_on_rollout_start`` of a callback) and restored into a newly built
-algorithm, it goes on to the same bits. Rollouts of on-policy algorithms are empty there and need no saving.
+The state is taken between two iterations of ``learn`` (``_on_rollout_start`` of a callback). Restored into a newly
+built algorithm, the training goes on to the same bits. Rollout buffers are empty at that point and are not saved.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _MOMENTS: dict[type[torch.optim.Optimizer], tuple[torch.dtype, set[str]]] = {
 
 
 def state_tensors(algorithm: BaseAlgorithm) -> Tensors:
-    """The state by name, ``<part>.<name>``. Some tensors are live views: save or copy them before going on.
+    """Return the state by name, ``<part>.<name>``. Some tensors are live views: save or copy them before going on.
 
     The algorithm's environment must have ``state_arrays``, as :class:`~bilateral_rl.envs.ArmVecEnv` has.
     """
@@ -41,7 +41,7 @@ def restore(algorithm: BaseAlgorithm, tensors: Mapping[str, Tensor]) -> None:
     """Put a newly built ``algorithm`` where :func:`state_tensors` was called; go on without ``reset_num_timesteps``.
 
     Raises:
-        ValueError: what is no state of such a training; the algorithm is then of no more use.
+        ValueError: the tensors are not the state of such a training; the algorithm must not be used any more.
     """
     check(tensors)
     parts = split(tensors)
@@ -53,7 +53,7 @@ def restore(algorithm: BaseAlgorithm, tensors: Mapping[str, Tensor]) -> None:
 
 
 def check(tensors: Mapping[str, Tensor]) -> None:
-    """Raise ValueError naming a tensor of a type that no state has, or one with a number that is not finite."""
+    """Raise a ValueError that names the first tensor of a type that no state has, or with a non-finite number."""
     for name, tensor in tensors.items():
         if tensor.dtype not in DTYPES:
             raise ValueError(f"its {name} is of type {tensor.dtype}")
@@ -62,12 +62,12 @@ def check(tensors: Mapping[str, Tensor]) -> None:
 
 
 def join(parts: Mapping[str, Tensors]) -> Tensors:
-    """By ``<part>.<name>``."""
+    """Return the tensors of all parts in one dictionary, named ``<part>.<name>``."""
     return {f"{part}.{name}": tensor for part, tensors in parts.items() for name, tensor in tensors.items()}
 
 
 def split(tensors: Mapping[str, Tensor]) -> dict[str, Tensors]:
-    """The inverse of :func:`join`."""
+    """Return the tensors of each part: the inverse of :func:`join`."""
     parts: dict[str, Tensors] = {}
     for full_name, tensor in tensors.items():
         part, _, name = full_name.partition(".")
@@ -75,16 +75,21 @@ def split(tensors: Mapping[str, Tensor]) -> dict[str, Tensors]:
     return parts
 
 
-def fill(part: str, own: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> None:
-    """Copy ``given`` into the tensors of the same names. Raises ValueError unless names, shapes and types agree."""
-    for name in sorted({*own} | {*given}):
-        if name not in own or name not in given:
-            raise ValueError(f"it {'lacks' if name in own else 'holds an unknown'} {part}.{name}")
-        if own[name].shape != given[name].shape or own[name].dtype != given[name].dtype:
-            raise ValueError(f"its {part}.{name} is not a {own[name].dtype} tensor of shape {tuple(own[name].shape)}")
+def fill(part: str, present: Mapping[str, Tensor], stored: Mapping[str, Tensor]) -> None:
+    """Copy ``stored`` into the present tensors of the same names.
+
+    Raises:
+        ValueError: names, shapes or types differ.
+    """
+    for name in sorted({*present} | {*stored}):
+        if name not in present or name not in stored:
+            raise ValueError(f"it {'lacks' if name in present else 'holds an unknown'} {part}.{name}")
+        expected = present[name]
+        if expected.shape != stored[name].shape or expected.dtype != stored[name].dtype:
+            raise ValueError(f"its {part}.{name} is not a {expected.dtype} tensor of shape {tuple(expected.shape)}")
     with torch.no_grad():
-        for name, tensor in own.items():
-            tensor.copy_(given[name])
+        for name, tensor in present.items():
+            tensor.copy_(stored[name])
 
 
 # --- counters -------------------------------------------------------------------------------------------------------
@@ -94,9 +99,9 @@ def _counters(algorithm: BaseAlgorithm) -> Tensors:
     return {name: torch.tensor(getattr(algorithm, name)) for name in _COUNTERS}
 
 
-def _set_counters(algorithm: BaseAlgorithm, given: Tensors) -> None:
+def _set_counters(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     counters = _counters(algorithm)
-    fill("counter", counters, given)
+    fill("counter", counters, stored)
     if min(counters.values()) < 0:
         raise ValueError("its counters are negative")
     for name, value in counters.items():
@@ -107,7 +112,7 @@ def _set_counters(algorithm: BaseAlgorithm, given: Tensors) -> None:
 
 
 def _weights(algorithm: BaseAlgorithm) -> Tensors:
-    """Of what SB3 itself counts as the model: modules, and variables outside of them."""
+    """Return the parameters of what SB3 itself counts as the model: modules, and variables outside of them."""
     names, variables = algorithm._get_torch_save_params()
     weights = {name: attrgetter(name)(algorithm) for name in variables}
     for name in names:
@@ -116,14 +121,14 @@ def _weights(algorithm: BaseAlgorithm) -> Tensors:
     return {name: tensor.detach() for name, tensor in weights.items()}
 
 
-def _set_weights(algorithm: BaseAlgorithm, given: Tensors) -> None:
-    fill("weights", _weights(algorithm), given)
+def _set_weights(algorithm: BaseAlgorithm, stored: Tensors) -> None:
+    fill("weights", _weights(algorithm), stored)
 
 
 def _optimizers(algorithm: BaseAlgorithm) -> dict[str, torch.optim.Optimizer]:
     names, _ = algorithm._get_torch_save_params()
-    found = {name: attrgetter(name)(algorithm) for name in names}
-    return {name: one for name, one in found.items() if isinstance(one, torch.optim.Optimizer)}
+    saved = {name: attrgetter(name)(algorithm) for name in names}
+    return {name: one for name, one in saved.items() if isinstance(one, torch.optim.Optimizer)}
 
 
 def _moments(algorithm: BaseAlgorithm) -> Tensors:
@@ -136,14 +141,14 @@ def _moments(algorithm: BaseAlgorithm) -> Tensors:
     }
 
 
-def _set_moments(algorithm: BaseAlgorithm, given: Tensors) -> None:
+def _set_moments(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     optimizers = _optimizers(algorithm)
-    if unknown := sorted(key for key in given if key.rsplit(".", 2)[0] not in optimizers):
+    if unknown := sorted(key for key in stored if key.rsplit(".", 2)[0] not in optimizers):
         raise ValueError(f"it holds an unknown optimizer.{unknown[0]}")
     for name, optimizer in optimizers.items():
-        stored = {key.removeprefix(f"{name}."): t for key, t in given.items() if key.rsplit(".", 2)[0] == name}
+        of_this = {key.removeprefix(f"{name}."): t for key, t in stored.items() if key.rsplit(".", 2)[0] == name}
         groups = optimizer.state_dict()["param_groups"]
-        optimizer.load_state_dict({"state": _optimizer_state(optimizer, stored), "param_groups": groups})
+        optimizer.load_state_dict({"state": _optimizer_state(optimizer, of_this), "param_groups": groups})
 
 
 def _optimizer_state(optimizer: torch.optim.Optimizer, stored: Tensors) -> dict[int, dict[str, Any]]:
@@ -182,8 +187,8 @@ def _environment(algorithm: BaseAlgorithm) -> Tensors:
     return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
-def _set_environment(algorithm: BaseAlgorithm, given: Tensors) -> None:
-    arrays = {name: tensor.numpy() for name, tensor in given.items()}
+def _set_environment(algorithm: BaseAlgorithm, stored: Tensors) -> None:
+    arrays = {name: tensor.numpy() for name, tensor in stored.items()}
     try:
         algorithm.env.set_state_arrays(arrays)  # type: ignore[union-attr]
     except ValueError as error:
@@ -195,12 +200,12 @@ def _last(algorithm: BaseAlgorithm) -> Tensors:
     return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
-def _set_last(algorithm: BaseAlgorithm, given: Tensors) -> None:
-    fill("last", _last(algorithm), given)
+def _set_last(algorithm: BaseAlgorithm, stored: Tensors) -> None:
+    fill("last", _last(algorithm), stored)
 
 
 def _replay(algorithm: BaseAlgorithm) -> Tensors:
-    """What the replay buffer was filled with, where the next step goes, and whether it has gone round."""
+    """Return the filled rows of the replay buffer, where the next step goes, and whether it has gone round."""
     buffer = getattr(algorithm, "replay_buffer", None)
     if buffer is None:
         return {}
@@ -209,28 +214,28 @@ def _replay(algorithm: BaseAlgorithm) -> Tensors:
     return {"pos": torch.tensor(buffer.pos), "full": torch.tensor(buffer.full), **arrays}
 
 
-def _set_replay(algorithm: BaseAlgorithm, given: Tensors) -> None:
+def _set_replay(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     buffer = getattr(algorithm, "replay_buffer", None)
     if buffer is not None:
-        place = {"pos": torch.tensor(0), "full": torch.tensor(False)}
-        fill("replay", place, {name: given[name] for name in place if name in given})
-        buffer.pos, buffer.full = int(place["pos"]), bool(place["full"])
+        position = {"pos": torch.tensor(0), "full": torch.tensor(False)}
+        fill("replay", position, {name: stored[name] for name in position if name in stored})
+        buffer.pos, buffer.full = int(position["pos"]), bool(position["full"])
         if not 0 <= buffer.pos < buffer.buffer_size:
             raise ValueError("its replay.pos is out of range")
-    fill("replay", _replay(algorithm), given)
+    fill("replay", _replay(algorithm), stored)
 
 
 def _arrays(buffer: ReplayBuffer) -> dict[str, np.ndarray[Any, Any]]:
-    """With a row a step."""
-    found = {name: value for name, value in vars(buffer).items() if isinstance(value, np.ndarray)}
-    return {name: array for name, array in found.items() if array.shape[:2] == (buffer.buffer_size, buffer.n_envs)}
+    """Return the arrays of the replay buffer that have a row a step, (buffer_size, n_envs, …)."""
+    arrays = {name: value for name, value in vars(buffer).items() if isinstance(value, np.ndarray)}
+    return {name: array for name, array in arrays.items() if array.shape[:2] == (buffer.buffer_size, buffer.n_envs)}
 
 
 # --- logs -----------------------------------------------------------------------------------------------------------
 
 
 def _episodes(algorithm: BaseAlgorithm) -> Tensors:
-    """What SB3's running means are over: a column a statistic of the last episodes, and which of them succeeded."""
+    """Return what SB3's running means are taken over: a column a statistic of the last trials, and their successes."""
     infos, successes = list(algorithm.ep_info_buffer or ()), list(algorithm.ep_success_buffer or ())
     columns = {name: [info[name] for info in infos] for name in (infos[0] if infos else ())}
     return {
@@ -239,22 +244,22 @@ def _episodes(algorithm: BaseAlgorithm) -> Tensors:
     }
 
 
-def _set_episodes(algorithm: BaseAlgorithm, given: Tensors) -> None:
+def _set_episodes(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     size = algorithm._stats_window_size
-    lengths = {len(tensor) if tensor.ndim == 1 else -1 for name, tensor in given.items() if name != "success"}
-    success = given.get("success", torch.empty(0, 0))
+    lengths = {len(tensor) if tensor.ndim == 1 else -1 for name, tensor in stored.items() if name != "success"}
+    success = stored.get("success", torch.empty(0, 0))
     right = len(lengths) <= 1 and all(0 <= length <= size for length in lengths)
-    right &= not lengths or {"info.r", "info.l"} <= {*given}  # SB3 logs them
-    if not right or success.ndim != 1 or len(success) > size or any(t.dtype != torch.float64 for t in given.values()):
+    right &= not lengths or {"info.r", "info.l"} <= {*stored}  # SB3 logs them
+    if not right or success.ndim != 1 or len(success) > size or any(t.dtype != torch.float64 for t in stored.values()):
         raise ValueError(f"its episodes are not columns of up to {size} numbers")
-    columns = {name.removeprefix("info."): t.tolist() for name, t in given.items() if name != "success"}
+    columns = {name.removeprefix("info."): t.tolist() for name, t in stored.items() if name != "success"}
     rows = zip(*columns.values(), strict=True)
     algorithm.ep_info_buffer = deque((dict(zip(columns, row, strict=True)) for row in rows), maxlen=size)
     algorithm.ep_success_buffer = deque(success.tolist(), maxlen=size)
 
 
 def _log(algorithm: BaseAlgorithm) -> Tensors:
-    """Numbers recorded, but not written yet, which every output is to show."""
+    """Return the numbers that are recorded but not written yet, and that every output is to show."""
     logger = algorithm.logger
     to_all = [name for name, excluded in logger.name_to_excluded.items() if not any(excluded or ())]
     values = {name: logger.name_to_value[name] for name in to_all}
@@ -262,9 +267,9 @@ def _log(algorithm: BaseAlgorithm) -> Tensors:
     return {name: torch.tensor(float(value), dtype=torch.float64) for name, value in numbers.items()}
 
 
-def _set_log(algorithm: BaseAlgorithm, given: Tensors) -> None:
-    fill("log", own := {name: torch.zeros((), dtype=torch.float64) for name in given}, given)
-    for name, value in own.items():
+def _set_log(algorithm: BaseAlgorithm, stored: Tensors) -> None:
+    fill("log", recorded := {name: torch.zeros((), dtype=torch.float64) for name in stored}, stored)
+    for name, value in recorded.items():
         algorithm.logger.record(name, float(value))
 
 
@@ -275,8 +280,8 @@ def _random(algorithm: BaseAlgorithm) -> Tensors:
     return random_states(algorithm.action_space, algorithm.device)
 
 
-def _set_random(algorithm: BaseAlgorithm, given: Tensors) -> None:
-    set_random_states(given, algorithm.action_space, algorithm.device)
+def _set_random(algorithm: BaseAlgorithm, stored: Tensors) -> None:
+    set_random_states(stored, algorithm.action_space, algorithm.device)
 
 
 _PARTS: dict[str, tuple[Callable[[BaseAlgorithm], Tensors], Callable[[BaseAlgorithm, Tensors], None]]] = {

@@ -1,4 +1,4 @@
-"""What a session needs of whatever learns: reinforcement learning, supervised learning, several seeds side by side."""
+"""The interface between a session and what learns in it: one network or several, by reinforcement or supervised."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ class Watcher(Protocol):
 
 
 class Diverged(Exception):  # noqa: N818 - no fault of the program
-    """What was learned is no longer made of finite numbers. The message is a sentence for people."""
+    """Says, in a sentence for people, that what was learned is no longer made of finite numbers."""
 
 
 class Learner(ABC):
     """Learns in stretches, can be saved between two of them, and goes on from there to the same bits."""
 
     evaluation_every: int
-    """Of what ``done`` counts: how much lies between two evaluations."""
+    """Distance between two evaluations, in what ``done`` counts; 0 for one at every boundary."""
     checkpoint_every: int
-    """Of what ``done`` counts: how much lies between two checkpoints."""
+    """Distance between two checkpoints, in what ``done`` counts."""
     logs: Mapping[str, TrainingLog] = {}
     """Text files that it appends to, by name; the session cuts them back where the training goes on from a state."""
 

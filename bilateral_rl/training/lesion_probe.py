@@ -1,4 +1,4 @@
-"""What every lesion does to a controller while it is being trained: a callback of stable-baselines3."""
+"""A callback of stable-baselines3 that tests every lesion while a policy is being trained."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from stable_baselines3.common.logger import TensorBoardOutputFormat
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
-from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.csv_tables import read_table
@@ -25,17 +24,17 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.callbacks import BetweenIterations
 
 PROBE = "lesion_probe.csv"
-"""In a run's folder: a row a step and state, with the measures."""
+"""File in a run's folder with a row a step and state, and a column a measure."""
 FIGURE = "specialization_over_training"
 MEASURES = (
     "goal_completion_percent", "speed_to_goal_cm_per_step", "time_in_goal_steps", "final_error_cm",
     "return_dominant", "return_non_dominant",
 )  # fmt: skip
-"""Of :meth:`TrialRecord.summary`."""
+"""Measures of :meth:`TrialRecord.summary` that are kept."""
 
 _KINDS: dict[str, type] = {"timesteps": int, "lesion": str} | dict.fromkeys(MEASURES, float)
 _STATES_NEEDED = {INTACT, *ALONE.values()}
-"""At every step, of every network."""
+"""States that every step must have, whatever the network."""
 
 
 class LesionProbe(BetweenIterations):
@@ -130,7 +129,7 @@ class LesionProbe(BetweenIterations):
         return policy
 
     def _past(self) -> pd.DataFrame:
-        """The rows of the steps that lie behind; those after a saved state are made again."""
+        """Return the rows of the steps so far; those after a saved state are made again."""
         if not self.num_timesteps:
             return pd.DataFrame()
         table = self._table
@@ -177,9 +176,9 @@ class LesionProbe(BetweenIterations):
 
 
 def probe_of_run(config: RLConfig, folder: RunFolder) -> LesionProbe | None:
-    """The probe that a run's configuration asks for; None if it asks for none, or if there are no hemispheres."""
+    """Build the probe that a run's configuration asks for; None if it asks for none, or if there are no hemispheres."""
     evaluation = config.evaluation
-    if not evaluation.lesion_probe_every or find_model(config.model).architecture == "unilateral":
+    if not evaluation.lesion_probe_every or config.spec.architecture == "unilateral":
         return None
     return LesionProbe(
         config.task,
@@ -194,7 +193,7 @@ def probe_of_run(config: RLConfig, folder: RunFolder) -> LesionProbe | None:
 
 
 def read_probe(path: Path) -> pd.DataFrame:
-    """The table in a ``lesion_probe.csv``, which may be somebody else's.
+    """Read the table in a ``lesion_probe.csv``, which may be somebody else's.
 
     Raises:
         FileNotFoundError: it is not there.
@@ -208,9 +207,10 @@ def read_probe(path: Path) -> pd.DataFrame:
 
 
 def read_probes(runs: Iterable[RunFolder]) -> pd.DataFrame:
-    """The tables of those of ``runs`` that were probed, with columns ``model`` and ``seed``; empty if none was.
+    """Read the tables of those of ``runs`` that were probed, with columns ``model`` and ``seed``; empty if none was.
 
-    Raises UserError for a damaged table, and for a seed of a model that is there twice.
+    Raises:
+        UserError: a damaged table, or a seed of a model that is there twice.
     """
     tables: dict[tuple[str, int], pd.DataFrame] = {}
     for run in runs:

@@ -14,11 +14,11 @@ from torch import Tensor
 from bilateral_rl.envs.generators import generator_states, set_generator_states
 
 _TWISTER_WORDS = 624
-"""Of the Mersenne Twister, which NumPy's global stream and Python's both are."""
+"""Length of the key of the Mersenne Twister, which NumPy's global stream and Python's both are."""
 
 
 def random_states(action_space: spaces.Space[Any], device: torch.device) -> dict[str, Tensor]:
-    """Where every random stream is, by name."""
+    """Return the state of every random stream by name."""
     numpy = np.random.get_state(legacy=False)  # noqa: NPY002 - SB3's random stream
     assert isinstance(numpy, dict)
     _, python, python_gauss = random.getstate()
@@ -37,13 +37,13 @@ def set_random_states(states: Mapping[str, Tensor], action_space: spaces.Space[A
     """Put every stream where :func:`random_states` found it; a CUDA device's only if it was on one then.
 
     Raises:
-        ValueError: what is no such state.
+        ValueError: the tensors are not such states.
     """
-    own = random_states(action_space, device)
-    if sorted({*states} - {"cuda"}) != sorted({*own} - {"cuda"}):
-        raise ValueError(f"random must hold {', '.join(own)}")
+    expected = random_states(action_space, device)
+    if sorted({*states} - {"cuda"}) != sorted({*expected} - {"cuda"}):
+        raise ValueError(f"random must hold {', '.join(expected)}")
     numpy, python = _words("numpy", states["numpy"]), _words("python", states["python"])
-    numpy_gauss, python_gauss = _held("numpy_gauss", states), _held("python_gauss", states)
+    numpy_gauss, python_gauss = _gauss_of("numpy_gauss", states), _gauss_of("python_gauss", states)
     set_generator_states([action_space.np_random], states["action_space"].numpy())
     try:
         torch.set_rng_state(states["torch"])
@@ -62,7 +62,7 @@ def _twister(words: list[int] | tuple[int, ...]) -> Tensor:
 
 
 def _words(name: str, tensor: Tensor) -> list[int]:
-    """The key and the position in it."""
+    """Return the 624 words of the key, and the position in it. Raises ValueError for anything else."""
     if tensor.dtype != torch.int64 or tensor.shape != (_TWISTER_WORDS + 1,):
         raise ValueError(f"random.{name} is not an int64 tensor of shape ({_TWISTER_WORDS + 1},)")
     *key, position = tensor.tolist()
@@ -72,11 +72,11 @@ def _words(name: str, tensor: Tensor) -> list[int]:
 
 
 def _gauss(value: float | None) -> Tensor:
-    """The second number of a pair, if it is still to come."""
+    """Return the second of a pair of Gaussian numbers, (1,), if it has not been drawn yet, or else (0,)."""
     return torch.tensor([] if value is None else [value], dtype=torch.float64)
 
 
-def _held(name: str, states: Mapping[str, Tensor]) -> float | None:
+def _gauss_of(name: str, states: Mapping[str, Tensor]) -> float | None:
     tensor = states[name]
     if tensor.dtype != torch.float64 or tensor.ndim != 1 or len(tensor) > 1:
         raise ValueError(f"random.{name} is not a float64 tensor of one number at most")

@@ -18,12 +18,12 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 
 PROJECT = "bilateral-rl"
-"""Where runs go unless the environment variable WANDB_PROJECT says otherwise."""
+"""Project of the runs, unless the environment variable WANDB_PROJECT names another."""
 TRACKING = "tracking.json"
-"""In a run's folder: the id by which Weights & Biases knows it."""
+"""File in a run's folder that holds the id by which Weights & Biases knows the run."""
 
 _FINISH_TIMEOUT = 60.0
-"""Seconds to wait at the end for what is still to be sent: what is left stays on the disk for `wandb sync`."""
+"""Longest wait at the end for what is still to be sent (s); what is left stays on the disk for `wandb sync`."""
 
 
 def check_tracking() -> None:
@@ -56,7 +56,7 @@ class Tracking(KVWriter):
         config: of the training.
 
     Attributes:
-        notes: what a person should know of it.
+        notes: sentences that a person should read.
 
     Raises:
         UserError: as for :func:`check_tracking`, or a damaged ``tracking.json``.
@@ -74,13 +74,13 @@ class Tracking(KVWriter):
         if self._run is None or self._has_failed:
             return
         try:
-            shown = {
-                name: self._shown(value)
+            values = {
+                name: self._loggable(value)
                 for name, value in key_values.items()
                 if not {"tensorboard", "wandb"} & set(key_excluded.get(name) or ())
             }
             if step >= self._run.step:  # a resumed training repeats what came after its last saved state
-                self._run.log({name: value for name, value in shown.items() if value is not None}, step=step)
+                self._run.log({name: value for name, value in values.items() if value is not None}, step=step)
         except Exception as error:
             self._fail(error)
 
@@ -93,7 +93,7 @@ class Tracking(KVWriter):
             self._run = None
 
     def _start(self, arguments: dict[str, Any]) -> Any:
-        """The run; None if there is none to be had."""
+        """Start the run; None if Weights & Biases cannot give one."""
         settings = self._wandb.Settings(console="off", quiet=True, finish_timeout=_FINISH_TIMEOUT)
         try:
             return self._wandb.init(**arguments, settings=settings)
@@ -110,8 +110,8 @@ class Tracking(KVWriter):
         self.notes.append(f"Weights & Biases was not reached ({reason}); `wandb sync {place}` sends what it would get.")
         return run
 
-    def _shown(self, value: Any) -> Any:
-        """As Weights & Biases takes it; None for what it is not given."""
+    def _loggable(self, value: Any) -> Any:
+        """Return a value as Weights & Biases takes it; None for a kind that it is not sent."""
         if isinstance(value, LoggedFigure):
             return self._wandb.Image(as_array(value.figure))
         if isinstance(value, int | float | np.number):
@@ -125,7 +125,7 @@ class Tracking(KVWriter):
 
 
 def _wandb() -> Any:
-    """The package. Raises UserError if it is not installed."""
+    """Import the package. Raises UserError if it is not installed."""
     try:
         import wandb
         from wandb import errors, init  # noqa: F401 - a folder called wandb, which it leaves behind, has none
@@ -137,7 +137,7 @@ def _wandb() -> Any:
 
 
 def _arguments(folder: RunFolder, config: TrainConfig) -> dict[str, Any]:
-    """Of ``wandb.init``."""
+    """Return the arguments of ``wandb.init``."""
     return {
         "project": os.environ.get("WANDB_PROJECT", PROJECT),
         "name": folder.path.resolve().name,
@@ -149,7 +149,7 @@ def _arguments(folder: RunFolder, config: TrainConfig) -> dict[str, Any]:
 
 
 def _known_id(folder: RunFolder) -> str | None:
-    """The id of the run that the training has already; it may come from somebody else."""
+    """Return the id of the run that the training has already; the file may come from somebody else."""
     values = folder.read_json(TRACKING)
     if values is None:
         return None

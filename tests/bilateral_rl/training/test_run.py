@@ -1,0 +1,79 @@
+"""A training is refused before anything is made, checked once, and leaves the process as it was."""
+
+import warnings
+
+import pytest
+import torch
+from rl_runs import small_rl
+
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.training import run as training
+from bilateral_rl.training.run import check_device, prepare, prepare_resume, run, train
+
+
+@pytest.mark.parametrize(
+    ("device", "n_devices", "words"),
+    [
+        ("cuda", 0, "no CUDA device"),
+        ("cuda:0", 0, "no CUDA device"),
+        ("cuda:1", 1, "last one is cuda:0"),
+        ("cuda:7", 2, "last one is cuda:1"),
+    ],
+)
+def test_a_device_that_is_not_there_is_refused(monkeypatch, device, n_devices, words):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: n_devices > 0)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: n_devices)
+    with pytest.raises(UserError, match=words):
+        check_device(device)
+
+
+@pytest.mark.parametrize("device", ["cpu", "cuda", "cuda:0", "cuda:1"])
+def test_a_device_that_is_there_is_taken(monkeypatch, device):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    check_device(device)
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac", "bptt"])
+def test_a_training_leaves_threads_and_warnings_of_the_process_as_they_were(tmp_path, small_bptt, algo):
+    torch.set_num_threads(2)
+    try:
+        filters = list(warnings.filters)
+        train(small_bptt(epochs=1) if algo == "bptt" else small_rl(algo, timesteps=400), tmp_path)
+        assert torch.get_num_threads() == 2
+        assert warnings.filters == filters
+    finally:
+        torch.set_num_threads(1)
+
+
+def test_what_prepare_refuses_leaves_no_folder(tmp_path, run_of_another_size):
+    with pytest.raises(UserError, match="--init-from needs the same"):
+        prepare(small_rl("ppo", init_from=str(run_of_another_size.path)))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def run_of_another_size(tmp_path_factory):
+    return train(small_rl("ppo", network={"units": 12}, timesteps=400), tmp_path_factory.mktemp("other")).folder
+
+
+def test_what_is_prepared_is_not_checked_again(tmp_path, monkeypatch):
+    checked = []
+    for name in ("check_device", "initial_states"):
+        check = getattr(training, name)
+        monkeypatch.setattr(training, name, lambda *a, name=name, check=check: [checked.append(name), check(*a)][1])
+    prepared = prepare(small_rl("ppo", timesteps=400))
+    folder = run(prepared, tmp_path).folder
+    assert checked == ["check_device", "initial_states"]
+    run(prepare_resume(folder, small_rl("ppo", timesteps=800)), tmp_path)
+    assert checked == ["check_device", "initial_states", "check_device"]
+
+
+def test_a_learner_that_cannot_be_built_leaves_no_folder(tmp_path, monkeypatch):
+    def too_large(config):
+        raise MemoryError
+
+    monkeypatch.setattr("bilateral_rl.training.rl.build_algorithm", too_large)
+    with pytest.raises(MemoryError):
+        train(small_rl("ppo"), tmp_path)
+    assert list(tmp_path.glob("*/*")) == []
