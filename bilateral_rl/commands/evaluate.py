@@ -13,7 +13,7 @@ from rich.console import Console
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.training_report import measures_table
-from bilateral_rl.commands.writing import apart_from, finite, write
+from bilateral_rl.commands.writing import apart_from, json_ready, write
 from bilateral_rl.runs.policies import load_policies, parse_run
 
 
@@ -71,7 +71,7 @@ def _write(
     if json_file is not None:
         by_seed = {seed: _by_threshold(record, threshold) for seed, record in records.items()}
         measures = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
-        write(json_file, json.dumps(finite({**head, **measures}), indent=2, allow_nan=False) + "\n")
+        write(json_file, json.dumps(json_ready({**head, **measures}), indent=2, allow_nan=False) + "\n")
 
 
 def _by_threshold(record: TrialRecord, threshold: float) -> dict[str, dict[str, float]]:

@@ -35,8 +35,8 @@ def write(path: Path, text: str) -> None:
         raise UserError(f"Cannot write {path}: {error.strerror}.") from None
 
 
-def finite(value: Any) -> Any:
+def json_ready(value: Any) -> Any:
     """Put None in the place of numbers that JSON cannot hold, in ``value`` and in dictionaries in it."""
     if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
+        return {key: json_ready(item) for key, item in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
