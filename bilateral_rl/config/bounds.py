@@ -11,13 +11,11 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from bilateral_rl.config.hyperparameters import OffPolicyConfig, OnPolicyConfig, SupervisedConfig
+from bilateral_rl.config.hyperparameters import MOST_NUMBERS, NUMBERS_PER_STEP, OnPolicyConfig, SupervisedConfig
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
 
-MOST_NUMBERS = 5 * 10**8
-"""Numbers in any of the large arrays: 2 GB."""
 MOST_PARAMETERS = 10**7
 """Parameters of a network or a critic."""
 SMALLEST, LARGEST = 1e-9, 1e6
@@ -25,8 +23,6 @@ SMALLEST, LARGEST = 1e-9, 1e6
 
 _OBSERVED = 16
 """Numbers in an observation."""
-_PER_STEP = 64
-"""Numbers kept of a step of an arm, roughly."""
 _PER_TRIAL = 16
 """Numbers that set a trial, roughly."""
 
@@ -115,19 +111,17 @@ def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     supervised, seeds = SupervisedConfig(), 1  # any network may be retrained so after a lesion
     if isinstance(config, BPTTConfig):
         supervised, seeds = config.bptt, config.seeds
-    per_step = sum(_hidden(config)) + _PER_STEP
+    per_step = sum(_hidden(config)) + NUMBERS_PER_STEP
     yield "seeds and network", seeds * _size(_hidden(config))
     yield "bptt.batch_size, seeds, trial and network", seeds * supervised.batch_size * steps * per_step
     yield "bptt.validation_trials, seeds, trial and network", seeds * supervised.validation_trials * steps * per_step
     yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL
     if isinstance(config, RLConfig):
         chosen = config.hyperparameters
-        yield "n_envs and trial", config.n_envs * steps * _PER_STEP
-        yield "evaluation.trials and trial", config.evaluation.trials * steps * _PER_STEP
+        yield "n_envs and trial", config.n_envs * steps * NUMBERS_PER_STEP
+        yield "evaluation.trials and trial", config.evaluation.trials * steps * NUMBERS_PER_STEP
         if isinstance(chosen, OnPolicyConfig):
-            yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * _PER_STEP
-        if isinstance(chosen, OffPolicyConfig):
-            yield f"{config.algo}.buffer_size", chosen.buffer_size * _PER_STEP
+            yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * NUMBERS_PER_STEP
 
 
 def _hidden(config: TrainConfig) -> list[int]:

@@ -17,10 +17,13 @@ MOST_COUNTED = 10**15
 """Upper bound of steps, epochs and the like."""
 MOST_ARMS = 10**6
 """Upper bound of arms and of trials at once."""
+MOST_NUMBERS, NUMBERS_PER_STEP = 5 * 10**8, 64
+"""Numbers in any of the large arrays, 2 GB, and those kept of a step of an arm, roughly."""
 
 Count = Annotated[Whole, Field(ge=1, le=MOST_COUNTED)]
 CountOrNone = Annotated[Whole, Field(ge=0, le=MOST_COUNTED)]
 """A count that may be 0."""
+KeptSteps = Annotated[Whole, Field(ge=1, le=MOST_NUMBERS // NUMBERS_PER_STEP)]
 AtOnce = Annotated[Whole, Field(ge=1, le=MOST_ARMS)]
 Flag = Annotated[bool, Strict()]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
@@ -43,7 +46,7 @@ class StreamConfig:
 class OnPolicyConfig(StreamConfig):
     """What PPO and A2C take."""
 
-    n_steps: Count = 50
+    n_steps: KeptSteps = 50
     """Steps per arm between updates."""
     gae_lambda: Fraction = 0.95
     ent_coef: NotNegative = 0.0
@@ -68,7 +71,7 @@ class PPOConfig(OnPolicyConfig):
 class A2CConfig(OnPolicyConfig):
     """Arguments of ``HemisphericA2C``."""
 
-    n_steps: Count = 5
+    n_steps: KeptSteps = 5
     gae_lambda: Fraction = 1.0
     normalize_advantage: Flag = False
     use_rms_prop: Flag = True
@@ -80,7 +83,7 @@ class OffPolicyConfig(StreamConfig):
     """What SAC and TD3 take."""
 
     final_learning_rate: NotNegative = 3e-4
-    buffer_size: Count = 500_000
+    buffer_size: KeptSteps = 500_000
     """Steps kept, over all arms."""
     learning_starts: CountOrNone = 10_000
     """Steps with random actions before the first update."""

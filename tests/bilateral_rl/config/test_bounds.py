@@ -1,5 +1,7 @@
 """What a configuration comes to: use is far within the bounds, and what would fill the memory is refused."""
 
+import re
+
 import pytest
 
 from bilateral_rl.analysis.metrics import find_metric, metrics_of
@@ -63,3 +65,41 @@ def test_every_radius_that_is_allowed_has_metrics_that_are_found_by_name(thresho
     names = [metric.name for metric in metrics_of("random_reach", [0.02, 0.03, 0.05, radius])]
     assert len(set(names)) == len(names)
     assert [find_metric(name).name for name in names] == names
+
+
+def whole_numbers(values, path=()):
+    """Where whole numbers stand in nested settings."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from whole_numbers(value, (*path, name))
+        elif type(value) is int:
+            yield (*path, name)
+
+
+def at(path, value):
+    for name in reversed(path):
+        value = {name: value}
+    return value
+
+
+def smallest(algo, path, arms):
+    """Settings that leave room for any value of the setting at ``path``."""
+    values = {"trial": {"trial_length": 1}, "network": {"units": 2, "layers": 1}}
+    if algo == "bptt":
+        return values | {"bptt": {"trials": 10**6} if path[-1] == "batch_size" else {"batch_size": 1}}
+    steps = {algo: {"n_steps": 2}} if algo in ("ppo", "a2c") else {}
+    return values | steps | {"n_envs": arms, "evaluation": {"trials": 1}}
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_no_refusal_advises_what_is_refused_in_turn(algo):
+    for path in whole_numbers(resolve(algo, None, model="uni_b").to_values()):
+        for value, bound, arms in ((-1, "least", 2), (10**16, "most", 1)):
+            base = smallest(algo, path, arms)
+            with pytest.raises(
+                UserError, match=rf"^{re.escape('.'.join(path))} must be at {bound} [\d,]+, got"
+            ) as error:
+                resolve(algo, None, [base, at(path, value)], model="uni_b")
+            advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
+            if path != ("trial", "feedback_delay") or algo != "bptt":  # which takes none
+                resolve(algo, None, [base, at(path, advised)], model="uni_b")

@@ -145,17 +145,6 @@ def test_a_device_is_the_cpu_or_a_gpu_by_its_number(device):
         assert resolve(None, None, [{"device": good}]).device == good
 
 
-@pytest.mark.parametrize("name", ["units", "layers"])
-def test_no_refusal_advises_what_is_refused_in_turn(name):
-    """The bound that a sentence names can be used: 0 is not at least what -1 is told, 10,000 not below 10,001's."""
-    for value in (-1, 0, 10**6):
-        with pytest.raises(UserError, match=f"network.{name} must be at ") as error:
-            resolve(None, None, [{"network": {name: value}}], model="uni_b")
-        advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
-        other = {"units": {"layers": 1}, "layers": {"units": 2}}[name]
-        assert resolve(None, None, [{"network": {name: advised} | other}], model="uni_b").network
-
-
 @pytest.mark.parametrize("model", ["uni_b", "bi_s", "cc_s"])
 def test_exactly_the_networks_that_cannot_be_built_are_refused(model):
     for units, layers in itertools.product(range(-1, 7), range(-1, 4)):
@@ -220,7 +209,7 @@ BAD_HYPERPARAMETERS = [
 def test_a_hyperparameter_that_cannot_work_is_refused_by_name(algo):
     for algos, name, values in BAD_HYPERPARAMETERS:
         for value in values if algo in algos else ():
-            with pytest.raises(UserError, match=rf"^{algo}\.{name} (must be|would make) "):
+            with pytest.raises(UserError, match=rf"^{algo}\.{name} must be "):
                 resolve(algo, None, [{algo: {name: value}}])
 
 
