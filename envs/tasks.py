@@ -14,7 +14,7 @@ Float = NDArray[np.float32]
 
 
 class Trials(NamedTuple):
-    """What sets ``n`` trials apart."""
+    """The postures and loads of ``n`` trials."""
 
     start: Float
     """(n, 2): shoulder and elbow angle at the start (rad); the arm is at rest."""
@@ -36,7 +36,12 @@ class Task:
     n_uniform: ClassVar[int] = 4
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
-        """``n`` trials from ``uniform`` (n, n_uniform) in [0, 1)."""
+        """Draw ``n`` trials.
+
+        Args:
+            uniform: (n, n_uniform) random numbers in [0, 1).
+            settings: how trials run: joint limits, and the largest load.
+        """
         raise NotImplementedError
 
 
@@ -68,7 +73,7 @@ TASKS: dict[str, type[Task]] = {task.id: task for task in (RandomReach, HoldPosi
 
 
 def make_task(task: str | Task) -> Task:
-    """The task called ``task``, or ``task`` itself. Raises ValueError naming the valid choices."""
+    """Return the task called ``task``, or ``task`` itself. Raises ValueError naming the valid choices."""
     if isinstance(task, Task):
         return task
     if task not in TASKS:
@@ -77,6 +82,6 @@ def make_task(task: str | Task) -> Task:
 
 
 def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float:
-    """Postures (n, 2) uniform over the joint range (rad)."""
+    """Return postures (n, 2), uniform over the joint range (rad)."""
     lower, upper = np.array(settings.arm.joint_lower_limit), np.array(settings.arm.joint_upper_limit)
     return np.asarray(lower + uniform * (upper - lower), dtype=np.float32)

@@ -34,10 +34,10 @@ TASK_DESCRIPTIONS: dict[str, str] = {
 
 ALGORITHMS: dict[str, str] = {
     "ppo": "proximal policy optimization, a critic and an advantage for each hemisphere",
-    "a2c": "advantage actor-critic, likewise",
+    "a2c": "advantage actor-critic, a critic and an advantage for each hemisphere",
     "sac": "soft actor-critic, off-policy, critics for each hemisphere",
-    "td3": "twin delayed deep deterministic policy gradient, off-policy, likewise",
-    "bptt": "supervised: back-propagation through time through the arm, as in the paper; many seeds at once",
+    "td3": "twin delayed deep deterministic policy gradient, off-policy, critics for each hemisphere",
+    "bptt": "supervised: back-propagation through time through the arm, as in the paper",
 }
 
 
@@ -53,7 +53,7 @@ def check_choice(kind: str, name: str, choices: object) -> None:
 
 
 def find_model(name: str) -> ModelSpec:
-    """The model called ``name``. Raises UserError naming the valid choices."""
+    """Return the model called ``name``. Raises UserError naming the valid choices."""
     check_choice("model", name, MODELS)
     return MODELS[name]
 

@@ -17,7 +17,7 @@ Values = dict[str, Any]
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
-    """``base`` with the entries of ``over``, nested dictionaries merged."""
+    """Return ``base`` with the entries of ``over`` in it, nested dictionaries merged."""
     merged = dict(base)
     for key, value in over.items():
         both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
@@ -26,7 +26,11 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Values:
 
 
 def parse_overrides(items: Sequence[str]) -> Values:
-    """``["ppo.learning_rate=0.003"]`` as nested dictionaries. Raises UserError for text of another form."""
+    """Turn ``["ppo.learning_rate=0.003"]`` into nested dictionaries.
+
+    Raises:
+        UserError: an item is not of the form key=value, or its value is no YAML.
+    """
     values: Values = {}
     for item in items:
         key, equals, text = item.partition("=")
@@ -112,7 +116,7 @@ def _shown(value: object) -> str:
 
 
 def plain(value: Any) -> Any:
-    """``value`` with lists for tuples, all the way down."""
+    """Return ``value`` with lists in place of tuples, all the way down."""
     if isinstance(value, dict):
         return {k: plain(v) for k, v in value.items()}
     if isinstance(value, (tuple, list)):

@@ -1,4 +1,4 @@
-"""From what a user gives to a whole configuration: tuned defaults as data, layers over them, and a check."""
+"""A whole configuration from what a user sets: the tuned defaults, layers of settings over them, and a check."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def resolve(
     because it is the default there gives way to the defaults here.
 
     Args:
-        algo: an algorithm, or None for what the layers say.
-        task: a task, or None likewise.
-        layers: nested dictionaries, later ones win.
-        model: a model, or None likewise.
+        algo: an algorithm, or None for the one that the layers name.
+        task: a task, or None for the one that the layers name.
+        layers: nested dictionaries of settings; later ones win.
+        model: a model, or None for the one that the layers name.
 
     Raises:
         UserError: an unknown name or key, a value of the wrong type, or a number that cannot work.
@@ -51,14 +51,14 @@ def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
 
 def _is_of_another(layer: Mapping[str, Any], names: Mapping[str, str]) -> bool:
     """Whether ``layer`` is the whole configuration of a run, but of another algorithm or task than ``names``."""
-    algo, task = layer.get("algo"), layer.get("task")
+    algo, task = str(layer.get("algo")), str(layer.get("task"))
     if algo not in CONFIGS or task not in TASK_DESCRIPTIONS or (algo, task) == (names["algo"], names["task"]):
         return False
     return isinstance(layer.get(algo), Mapping) and layer[algo].keys() >= _defaults(algo, task)[algo].keys()
 
 
 def _without_defaults(layer: Mapping[str, Any]) -> Values:
-    """What the configuration of a run says beyond the tuned defaults of its own algorithm and task.
+    """Return what the configuration of a run sets beyond the tuned defaults of its own algorithm and task.
 
     Only that was somebody's choice: the rest was tuned for what it is no longer used for.
     """
@@ -82,7 +82,7 @@ def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:
 
 
 def tuned_defaults(algo: str, task: str) -> Values:
-    """What ``defaults.yaml`` holds for an algorithm and a task."""
+    """Return the settings that ``defaults.yaml`` holds for an algorithm and a task."""
     table = _defaults_table().get(algo, {})
     return merge(table.get("any_task") or {}, table.get(task) or {})
 
@@ -95,7 +95,11 @@ def _defaults_table() -> Values:
 
 
 def from_values(values: Mapping[str, Any]) -> TrainConfig:
-    """The inverse of :meth:`TrainConfig.to_values`. Raises UserError for unknown keys and wrong types."""
+    """Build a configuration from what :meth:`TrainConfig.to_values` returned, or a part of it.
+
+    Raises:
+        UserError: an unknown name, a value of the wrong type or outside its bounds.
+    """
     algo = values.get("algo", TrainConfig.algo)
     cls = CONFIGS[algo]
     others = set().union(*map(_names, CONFIGS.values())) - _names(cls)

@@ -331,6 +331,13 @@ def test_what_a_file_says_by_itself_holds_for_whatever_task():
     assert resolve(None, "hold_position", [written]).ppo.ent_coef == ent_coef
 
 
+def test_names_of_a_wrong_type_in_a_file_end_in_a_sentence_or_are_overruled():
+    for wrong in ([1], {"a": 1}, 3, None):
+        with pytest.raises(UserError, match="Unknown algorithm"):
+            resolve(None, None, [{"algo": wrong}])
+        assert resolve("ppo", "random_reach", [{"algo": wrong, "task": wrong}]) == resolve("ppo", "random_reach")
+
+
 def test_a_run_of_version_0_1_0_has_one_seed():
     values = resolve("a2c", None).to_values()
     del values["seeds"]
