@@ -15,19 +15,19 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import SACRunConfig
+from bilateral_rl.config.schema import SACConfig
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.training.build import build_algorithm
 
 
-def ours(config: SACRunConfig) -> OffPolicyAlgorithm:
+def ours(config: SACConfig) -> OffPolicyAlgorithm:
     """HemisphericSAC with the default settings."""
     algorithm = build_algorithm(config)
     assert isinstance(algorithm, OffPolicyAlgorithm)
     return algorithm
 
 
-def stock(config: SACRunConfig) -> OffPolicyAlgorithm:
+def stock(config: SACConfig) -> OffPolicyAlgorithm:
     """Stock SAC with the same arms, batches, updates and critic sizes."""
     given = config.sac
     return SAC(
@@ -57,7 +57,7 @@ if __name__ == "__main__":
     parser.add_argument("--timesteps", type=int, default=30_000, help="a round")
     arguments = parser.parse_args()
     config = resolve("sac", "random_reach")
-    assert isinstance(config, SACRunConfig)
+    assert isinstance(config, SACConfig)
     torch.set_num_threads(1)
     pairs = []
     for round_ in range(arguments.rounds):

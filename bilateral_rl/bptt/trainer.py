@@ -17,7 +17,6 @@ from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trials import epoch_order, stacked, training_trials, validation_trials
 from bilateral_rl.bptt.workers import Workers
-from bilateral_rl.config.catalogue import find_model
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
@@ -66,7 +65,7 @@ class Trainer:
     def __init__(self, config: BPTTConfig, layout: Layout, state: TrainingState) -> None:
         self.config, self.layout, self.state = config, layout, state
         self.columns = history_columns(config, layout)
-        self._loss = find_model(config.model).loss
+        self._loss = config.spec.loss
         self._groups = _groups(layout)
         task, settings = make_task(config.task), config.bptt
         seeds = [config.seed + i for i in range(config.seeds)]
@@ -240,7 +239,7 @@ class Trainer:
 def history_columns(config: BPTTConfig, layout: Layout) -> list[str]:
     """Return the names of what the history of a seed holds; see :class:`Trainer`."""
     return [
-        *(f"loss_{name}" for name in stream_names(find_model(config.model).loss)),
+        *(f"loss_{name}" for name in stream_names(config.spec.loss)),
         *(f"gradient_norm_{group}" for group in _groups(layout)),
         "validation_loss",
         *MEASURES,

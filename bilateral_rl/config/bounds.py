@@ -11,7 +11,12 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from bilateral_rl.config.hyperparameters import MOST_NUMBERS, NUMBERS_PER_STEP, OnPolicyConfig, SupervisedConfig
+from bilateral_rl.config.hyperparameters import (
+    MOST_NUMBERS,
+    NUMBERS_PER_STEP,
+    BPTTHyperparameters,
+    OnPolicyHyperparameters,
+)
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
@@ -63,7 +68,7 @@ def _check_network(config: TrainConfig) -> None:
 
 def _check_rl(config: RLConfig) -> None:
     chosen = config.hyperparameters
-    if isinstance(chosen, OnPolicyConfig) and chosen.n_steps * config.n_envs < 2:
+    if isinstance(chosen, OnPolicyHyperparameters) and chosen.n_steps * config.n_envs < 2:
         raise UserError(
             f"{config.algo}.n_steps times n_envs must be at least 2: one sample has no advantage to normalize."
         )
@@ -108,7 +113,7 @@ def _parameters(config: TrainConfig) -> Iterator[tuple[str, int]]:
 def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     """Yield the settings that make each of the large arrays, and roughly how many numbers it holds."""
     steps = config.trial.trial_length + config.trial.feedback_delay
-    supervised, seeds = SupervisedConfig(), 1  # any network may be retrained so after a lesion
+    supervised, seeds = BPTTHyperparameters(), 1  # any network may be retrained so after a lesion
     if isinstance(config, BPTTConfig):
         supervised, seeds = config.bptt, config.seeds
     per_step = sum(_hidden(config)) + NUMBERS_PER_STEP
@@ -120,7 +125,7 @@ def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
         chosen = config.hyperparameters
         yield "n_envs and trial", config.n_envs * steps * NUMBERS_PER_STEP
         yield "evaluation.trials and trial", config.evaluation.trials * steps * NUMBERS_PER_STEP
-        if isinstance(chosen, OnPolicyConfig):
+        if isinstance(chosen, OnPolicyHyperparameters):
             yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * NUMBERS_PER_STEP
 
 

@@ -30,7 +30,7 @@ Fraction = Annotated[Number, Field(ge=0, le=1)]
 
 
 @dataclass(frozen=True, config=STRICT)
-class StreamConfig:
+class StreamHyperparameters:
     """What every hemispheric algorithm takes."""
 
     learning_rate: Positive = 3e-4
@@ -43,7 +43,7 @@ class StreamConfig:
 
 
 @dataclass(frozen=True, config=STRICT)
-class OnPolicyConfig(StreamConfig):
+class OnPolicyHyperparameters(StreamHyperparameters):
     """What PPO and A2C take."""
 
     n_steps: KeptSteps = 50
@@ -59,7 +59,7 @@ class OnPolicyConfig(StreamConfig):
 
 
 @dataclass(frozen=True, config=STRICT)
-class PPOConfig(OnPolicyConfig):
+class PPOHyperparameters(OnPolicyHyperparameters):
     """Arguments of ``HemisphericPPO``."""
 
     batch_size: Annotated[Whole, Field(ge=2, le=10**7)] = 5120
@@ -68,7 +68,7 @@ class PPOConfig(OnPolicyConfig):
 
 
 @dataclass(frozen=True, config=STRICT)
-class A2CConfig(OnPolicyConfig):
+class A2CHyperparameters(OnPolicyHyperparameters):
     """Arguments of ``HemisphericA2C``."""
 
     n_steps: KeptSteps = 5
@@ -79,7 +79,7 @@ class A2CConfig(OnPolicyConfig):
 
 
 @dataclass(frozen=True, config=STRICT)
-class OffPolicyConfig(StreamConfig):
+class OffPolicyHyperparameters(StreamHyperparameters):
     """What SAC and TD3 take."""
 
     final_learning_rate: NotNegative = 3e-4
@@ -100,7 +100,7 @@ class OffPolicyConfig(StreamConfig):
 
 
 @dataclass(frozen=True, config=STRICT)
-class SACConfig(OffPolicyConfig):
+class SACHyperparameters(OffPolicyHyperparameters):
     """Arguments of ``HemisphericSAC``."""
 
     ent_coef: NotNegative | None = None
@@ -112,7 +112,7 @@ class SACConfig(OffPolicyConfig):
 
 
 @dataclass(frozen=True, config=STRICT)
-class TD3Config(OffPolicyConfig):
+class TD3Hyperparameters(OffPolicyHyperparameters):
     """Arguments of ``HemisphericTD3``."""
 
     action_noise: NotNegative = 0.1
@@ -124,7 +124,7 @@ class TD3Config(OffPolicyConfig):
 
 
 @dataclass(frozen=True, config=STRICT)
-class SupervisedConfig:
+class BPTTHyperparameters:
     """Back-propagation through time as the paper does it (section 5)."""
 
     learning_rate: Positive = 0.001

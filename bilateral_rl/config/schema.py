@@ -13,45 +13,21 @@ from pydantic.dataclasses import dataclass
 
 from bilateral_rl.config.catalogue import MAX_SEEDS, ModelSpec, find_model
 from bilateral_rl.config.hyperparameters import (
-    A2CConfig,
+    A2CHyperparameters,
     AtOnce,
+    BPTTHyperparameters,
     Count,
     CountOrNone,
     Flag,
-    OffPolicyConfig,
-    OnPolicyConfig,
-    PPOConfig,
-    SACConfig,
-    StreamConfig,
-    SupervisedConfig,
-    TD3Config,
+    PPOHyperparameters,
+    SACHyperparameters,
+    StreamHyperparameters,
+    TD3Hyperparameters,
 )
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.envs.quantities import STRICT, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, Penalty, Profile
-
-__all__ = [
-    "CONFIGS",
-    "A2CConfig",
-    "A2CRunConfig",
-    "ActorCriticConfig",
-    "BPTTConfig",
-    "EvaluationConfig",
-    "NetworkConfig",
-    "OffPolicyConfig",
-    "OnPolicyConfig",
-    "PPOConfig",
-    "PPORunConfig",
-    "RLConfig",
-    "SACConfig",
-    "SACRunConfig",
-    "StreamConfig",
-    "SupervisedConfig",
-    "TD3Config",
-    "TD3RunConfig",
-    "TrainConfig",
-]
 
 MAX_SEED = 2**32 - 1
 MOST_UNITS, MOST_LAYERS, MOST_THREADS = 10_000, 100, 1_000
@@ -186,41 +162,41 @@ class RLConfig(TrainConfig):
         return f"{self.timesteps:,} steps of {self.n_envs} arms"
 
     @property
-    def hyperparameters(self) -> StreamConfig:
+    def hyperparameters(self) -> StreamHyperparameters:
         """The algorithm's hyperparameters."""
-        return typing.cast(StreamConfig, getattr(self, self.algo))
+        return typing.cast(StreamHyperparameters, getattr(self, self.algo))
 
 
 @dataclass(frozen=True, config=STRICT)
-class PPORunConfig(RLConfig):
+class PPOConfig(RLConfig):
     """A training by PPO."""
 
     algo: str = "ppo"
-    ppo: PPOConfig = field(default_factory=PPOConfig)
+    ppo: PPOHyperparameters = field(default_factory=PPOHyperparameters)
 
 
 @dataclass(frozen=True, config=STRICT)
-class A2CRunConfig(RLConfig):
+class A2CConfig(RLConfig):
     """A training by A2C."""
 
     algo: str = "a2c"
-    a2c: A2CConfig = field(default_factory=A2CConfig)
+    a2c: A2CHyperparameters = field(default_factory=A2CHyperparameters)
 
 
 @dataclass(frozen=True, config=STRICT)
-class SACRunConfig(RLConfig):
+class SACConfig(RLConfig):
     """A training by SAC."""
 
     algo: str = "sac"
-    sac: SACConfig = field(default_factory=SACConfig)
+    sac: SACHyperparameters = field(default_factory=SACHyperparameters)
 
 
 @dataclass(frozen=True, config=STRICT)
-class TD3RunConfig(RLConfig):
+class TD3Config(RLConfig):
     """A training by TD3."""
 
     algo: str = "td3"
-    td3: TD3Config = field(default_factory=TD3Config)
+    td3: TD3Hyperparameters = field(default_factory=TD3Hyperparameters)
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -232,7 +208,7 @@ class BPTTConfig(TrainConfig):
     """Largest number of epochs."""
     profile: Profile = "paper"
     """What sets the defaults of the penalty: "paper", its text, or "released", its released code."""
-    bptt: SupervisedConfig = field(default_factory=SupervisedConfig)
+    bptt: BPTTHyperparameters = field(default_factory=BPTTHyperparameters)
 
     @property
     def total(self) -> int:
@@ -268,10 +244,10 @@ class BPTTConfig(TrainConfig):
 
 
 CONFIGS: dict[str, type[TrainConfig]] = {
-    "ppo": PPORunConfig,
-    "a2c": A2CRunConfig,
-    "sac": SACRunConfig,
-    "td3": TD3RunConfig,
+    "ppo": PPOConfig,
+    "a2c": A2CConfig,
+    "sac": SACConfig,
+    "td3": TD3Config,
     "bptt": BPTTConfig,
 }
 """The configuration of each algorithm."""

@@ -12,7 +12,8 @@ from gymnasium import spaces
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
-from bilateral_rl.config.schema import ActorCriticConfig, OffPolicyConfig, RLConfig, TrainConfig
+from bilateral_rl.config.hyperparameters import OffPolicyHyperparameters
+from bilateral_rl.config.schema import ActorCriticConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
@@ -74,7 +75,7 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
         "critic_arch": critics.critic_arch,
         "log_std_init": critics.log_std_init,
     }
-    if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyConfig):
+    if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyHyperparameters):
         arguments["n_critics"] = config.hyperparameters.n_critics
     return arguments
 

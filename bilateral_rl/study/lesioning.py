@@ -14,7 +14,8 @@ from bilateral_rl.analysis.metrics import Metric, measure, metrics_of
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
-from bilateral_rl.config.schema import BPTTConfig, SupervisedConfig, TrainConfig
+from bilateral_rl.config.hyperparameters import BPTTHyperparameters
+from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
@@ -182,7 +183,7 @@ def _make_retraining(config: TrainConfig, layout: Layout, settings: LesionSettin
         supervised, penalty, coefficient = config.bptt, config.penalty, config.penalty_coefficient
     else:
         penalty = PROFILES["paper"]
-        supervised, coefficient = SupervisedConfig(), PENALTIES[penalty]
+        supervised, coefficient = BPTTHyperparameters(), PENALTIES[penalty]
     if settings.retraining_trials is not None:
         supervised = dataclasses.replace(supervised, trials=settings.retraining_trials)
     if supervised.trials < supervised.batch_size:

@@ -13,7 +13,7 @@ from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.rollout_arrays import TrialTensors
 from bilateral_rl.bptt.trials import retraining_trials, stacked
 from bilateral_rl.bptt.workers import Workers
-from bilateral_rl.config.schema import SupervisedConfig
+from bilateral_rl.config.hyperparameters import BPTTHyperparameters
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.threads import one_torch_thread
@@ -44,7 +44,7 @@ class Retraining:
         layout: Layout,
         task: str,
         trial: TrialSettings,
-        settings: SupervisedConfig,
+        settings: BPTTHyperparameters,
         penalty: Penalty,
         coefficient: float,
         threads: int = 0,

@@ -8,9 +8,10 @@ from typing import Any
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.algorithms.schedules import linear_schedule
+from bilateral_rl.config.hyperparameters import TD3Hyperparameters
 from bilateral_rl.config.parse import plain
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import RLConfig, TD3Config
+from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.runs.policies import policy_arguments
 from bilateral_rl.training.build import algorithm_arguments
@@ -72,14 +73,14 @@ def hyperparameters(algo: str) -> dict[str, dict[str, Any]]:
 
 def _other_environments(name: str) -> dict[str, Any]:
     """Hyperparameters for environments that are not ours; all others are left to the algorithm, as in SB3."""
-    return {"policy": POLICY, "n_timesteps": 1_000_000} | (_noise(TD3Config()) if name == "td3" else {})
+    return {"policy": POLICY, "n_timesteps": 1_000_000} | (_noise(TD3Hyperparameters()) if name == "td3" else {})
 
 
 def _tuned(name: str, task: str) -> dict[str, Any]:
     config = resolve(name, task)
     assert isinstance(config, RLConfig)
     arguments = {key: _in_words(value) for key, value in algorithm_arguments(config).items()}
-    if isinstance(config.hyperparameters, TD3Config):
+    if isinstance(config.hyperparameters, TD3Hyperparameters):
         del arguments["action_noise"]
         arguments |= _noise(config.hyperparameters)
     policy_kwargs = policy_arguments(config)
@@ -88,7 +89,7 @@ def _tuned(name: str, task: str) -> dict[str, Any]:
     return run | arguments | {"policy_kwargs": plain(policy_kwargs)}
 
 
-def _noise(config: TD3Config) -> dict[str, Any]:
+def _noise(config: TD3Hyperparameters) -> dict[str, Any]:
     return {"noise_type": "normal", "noise_std": config.action_noise}
 
 

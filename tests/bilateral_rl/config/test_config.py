@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
 from bilateral_rl.config.parse import merge, parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
-from bilateral_rl.config.schema import BPTTConfig, PPORunConfig, RLConfig
+from bilateral_rl.config.schema import BPTTConfig, PPOConfig, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
@@ -52,7 +52,7 @@ def test_later_layers_win_over_earlier_ones_and_over_the_tuned_defaults():
     tuned = tuned_defaults("ppo", "random_reach")
     config = resolve(None, None, [{"ppo": {"gamma": 0.5, "n_epochs": 3}}, {"ppo": {"gamma": 0.6}}])
     assert (config.ppo.gamma, config.ppo.n_epochs) == (0.6, 3)
-    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", PPORunConfig().ppo.learning_rate)
+    assert config.ppo.learning_rate == tuned.get("ppo", {}).get("learning_rate", PPOConfig().ppo.learning_rate)
 
 
 def test_tuned_defaults_name_only_settings_that_exist():

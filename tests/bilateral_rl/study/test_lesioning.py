@@ -13,9 +13,9 @@ from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.config.catalogue import MODELS
+from bilateral_rl.config.hyperparameters import BPTTHyperparameters
 from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import SupervisedConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, find_lesion
 from bilateral_rl.runs.folder import RunFolder
@@ -291,7 +291,7 @@ def test_a_reinforced_run_is_retrained_by_the_papers_loss(run, profile):
     assert set(results["algo"]) == {"ppo"}
     assert set(results["seed"]) == {0}
     assert_same(values_of(results, lesion="callosum", retrained=False), evaluated(run, load_policy(run), "callosum"))
-    policy = retrained_by_hand(run, 0, LESIONS["callosum"], SupervisedConfig(trials=128))
+    policy = retrained_by_hand(run, 0, LESIONS["callosum"], BPTTHyperparameters(trials=128))
     assert_same(values_of(results, lesion="callosum", retrained=True), evaluated(run, policy, "callosum"))
 
 

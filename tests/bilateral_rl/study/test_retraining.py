@@ -5,7 +5,7 @@ import torch
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.trials import retraining_trials, training_trials
-from bilateral_rl.config.schema import SupervisedConfig
+from bilateral_rl.config.hyperparameters import BPTTHyperparameters
 from bilateral_rl.envs import Arm
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
@@ -14,7 +14,7 @@ from bilateral_rl.study.retraining import TRAINED, Retraining
 from bilateral_rl.vocabulary import PENALTIES
 
 TRIAL = TrialSettings(trial_length=12)
-SETTINGS = SupervisedConfig(trials=24, batch_size=8)
+SETTINGS = BPTTHyperparameters(trials=24, batch_size=8)
 CUT_WEIGHTS = {"cartesian_1": 2.5, "cartesian_2": 2.5, "activation": 1.0}
 SEEDS = [3, 4]
 
