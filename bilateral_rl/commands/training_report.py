@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
+from bilateral_rl.analysis.goals import in_centimeters
 from bilateral_rl.analysis.trials import TrialRecord, summaries
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.text import seed_range
@@ -97,7 +98,7 @@ def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, titl
         values = [row[radius] for row in rows]
         own = "[bold]" if math.isclose(radius, config.trial.threshold) else ""
         table.add_row(
-            f"{own}{100 * radius:g} cm",
+            f"{own}{in_centimeters(radius)} cm",
             f"{own}{_spread(values, 'goal_completion_percent', 1)} %",
             f"{own}{_speed_to_goal(values)}",
             f"{own}{_spread(values, 'time_in_goal_steps', 1)} of {config.trial.trial_length} steps",
