@@ -21,21 +21,21 @@ def start(*arguments, cwd):
     )
 
 
-def call(*arguments, cwd):
+def call_process(*arguments, cwd):
     process = start(*arguments, cwd=cwd)
     out, err = process.communicate(timeout=120)
     return process.returncode, out, err
 
 
 def test_train_then_evaluate_then_list(tmp_path):
-    code, out, err = call("train", "--model", "bi_s", "--task", "hold_position", *SMALL, cwd=tmp_path)
+    code, out, err = call_process("train", "--model", "bi_s", "--task", "hold_position", *SMALL, cwd=tmp_path)
     assert (code, err) == (0, "")
     run = "runs/hold_position/bi_s-ppo-1"
     for line in (f"bilateral-rl evaluate {run}", "tensorboard --logdir runs", "goal completion"):
         assert line in out
     assert yaml.safe_load((tmp_path / run / "config.yaml").read_text())["model"] == "bi_s"
 
-    code, out, err = call("evaluate", run, "--trials", 16, "--csv", "t.csv", "--json", "t.json", cwd=tmp_path)
+    code, out, err = call_process("evaluate", run, "--trials", 16, "--csv", "t.csv", "--json", "t.json", cwd=tmp_path)
     assert (code, err) == (0, "")
     table = json.loads((tmp_path / "t.json").read_text())
     assert list(table["by_threshold_m"]) == ["0.02", "0.03", "0.05"]
@@ -44,17 +44,17 @@ def test_train_then_evaluate_then_list(tmp_path):
     assert float(printed[1]) == pytest.approx(table["by_threshold_m"]["0.05"]["goal_completion_percent"], abs=0.05)
     assert len(pd.read_csv(tmp_path / "t.csv")) == 16
 
-    code, out, _ = call("list", cwd=tmp_path)
+    code, out, _ = call_process("list", cwd=tmp_path)
     assert code == 0
     for word in ("cc_ns", "random_reach", "ppo", run, "finished", "2,000"):
         assert word in out
 
 
-def test_a_configuration_file_repeats_a_run_and_flags_win_over_it(tmp_path):
-    code, *_ = call("train", *SMALL, "--seed", 5, cwd=tmp_path)
+def test_a_configuration_file_repeats_a_run_and_flags_win_over_it(call, tmp_path):
+    code, *_ = call("train", *SMALL, "--seed", 5)
     assert code == 0
     first = tmp_path / "runs/random_reach/cc_s-ppo-1"
-    code, *_ = call("train", "--config", first / "config.yaml", "--units", 12, cwd=tmp_path)
+    code, *_ = call("train", "--config", first / "config.yaml", "--units", 12)
     assert code == 0
     values = [yaml.safe_load((tmp_path / f"runs/random_reach/cc_s-ppo-{n}/config.yaml").read_text()) for n in (1, 2)]
     assert values[1]["seed"] == 5
@@ -84,8 +84,8 @@ def test_a_configuration_file_repeats_a_run_and_flags_win_over_it(tmp_path):
         (["train", "--out", "/proc/nothing", *SMALL], "--out"),
     ],
 )
-def test_a_mistake_is_one_clear_sentence_and_leaves_nothing_behind(tmp_path, arguments, says):
-    code, _, err = call(*arguments, cwd=tmp_path)
+def test_a_mistake_is_one_clear_sentence_and_leaves_nothing_behind(call, tmp_path, arguments, says):
+    code, _, err = call(*arguments)
     assert code == 2
     assert says in err
     assert "Traceback" not in err
@@ -93,8 +93,8 @@ def test_a_mistake_is_one_clear_sentence_and_leaves_nothing_behind(tmp_path, arg
     assert list(tmp_path.iterdir()) == []
 
 
-def test_resume_refuses_settings_that_belong_to_the_run(tmp_path):
-    code, _, err = call("train", "--resume", "runs/x", "--units", "12", cwd=tmp_path)
+def test_resume_refuses_settings_that_belong_to_the_run(call):
+    code, _, err = call("train", "--resume", "runs/x", "--units", "12")
     assert code == 2
     assert "--units" in err
 
