@@ -11,6 +11,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -258,51 +259,36 @@ def make_loaders(folder: Path) -> dict[str, Loader]:
         if algo != "bptt":  # without what a training adds to it
             run.save_resume({name: t.clone() for name, t in checkpoint.state_tensors(_algorithm(config)).items()})
         loaders |= {
-            f"config.yaml ({algo})": _loader(run, "config.yaml", run.config, _for_text, _yaml),
-            f"weights ({algo})": _loader(run, "weights/final.safetensors", _load(run), _for_tensors, _tensors),
-            f"resume ({algo})": _loader(run, "resume.safetensors", _restore(run), _for_tensors, _tensors, ValueError),
-            f"status.json ({algo})": _loader(run, "status.json", run.status, _for_text, _json),
+            f"config.yaml ({algo})": _loader(run, "config.yaml", "yaml", run.config),
+            f"weights ({algo})": _loader(run, "weights/final.safetensors", "tensors", partial(load_policies, run)),
+            f"resume ({algo})": _loader(run, "resume.safetensors", "tensors", _restore(run), ValueError),
+            f"status.json ({algo})": _loader(run, "status.json", "json", run.status),
         }
         table = "epochs.csv" if algo == "bptt" else "evaluations.csv"
-        loaders[f"{table} ({algo})"] = _loader(run, table, _draw(run), _for_tables, _table)
+        loaders[f"{table} ({algo})"] = _loader(run, table, "table", partial(learning_history, {"cc_s": [run]}))
     beside = RunFolder(folder / "beside")
     (beside.path / "results").mkdir(parents=True)
     beside.write_text("study.yaml", yaml.safe_dump(_STUDY))
     beside.write_text("results/cc_s.csv", _results())
-    results = beside.path / "results/cc_s.csv"
+    results = partial(read_results, beside.path / "results/cc_s.csv")
     return loaders | {
-        "study.yaml": _loader(beside, "study.yaml", lambda: _claim(beside.path), _for_text, _yaml),
-        "results": _loader(beside, "results/cc_s.csv", lambda: read_results(results), _for_tables, _table),
+        "study.yaml": _loader(beside, "study.yaml", "yaml", partial(_claim, beside.path)),
+        "results": _loader(beside, "results/cc_s.csv", "table", results),
     }
 
 
-def _loader(run: RunFolder, file: str, load: Callable[[], object], inputs: Any, traps: Any, *others: Any) -> Loader:
+_INPUTS = {"yaml": _for_text, "json": _for_text, "table": _for_tables, "tensors": _for_tensors}
+_TRAPS: dict[str, Callable[[bytes, Path], dict[str, bytes]]] = {
+    "yaml": lambda sound, canary: hostile.yaml_traps(canary),
+    "json": lambda *_: hostile.JSONS,
+    "table": lambda *_: hostile.TABLES,
+    "tensors": lambda sound, _: hostile.tensor_traps(sound),
+}
+
+
+def _loader(run: RunFolder, file: str, kind: str, load: Callable[[], object], *others: type[Exception]) -> Loader:
     path = run.path / file
-    return Loader(path, load, inputs(path.read_bytes()), traps, others)
-
-
-def _yaml(sound: bytes, canary: Path) -> dict[str, bytes]:
-    return hostile.yaml_traps(canary)
-
-
-def _json(sound: bytes, canary: Path) -> dict[str, bytes]:
-    return hostile.JSONS
-
-
-def _table(sound: bytes, canary: Path) -> dict[str, bytes]:
-    return hostile.TABLES
-
-
-def _tensors(sound: bytes, canary: Path) -> dict[str, bytes]:
-    return hostile.tensor_traps(sound)
-
-
-def _load(run: RunFolder) -> Callable[[], object]:
-    return lambda: load_policies(run)
-
-
-def _draw(run: RunFolder) -> Callable[[], object]:
-    return lambda: learning_history({"cc_s": [run]})
+    return Loader(path, load, _INPUTS[kind](path.read_bytes()), _TRAPS[kind], others)
 
 
 def _restore(run: RunFolder) -> Callable[[], object]:
