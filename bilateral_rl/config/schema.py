@@ -129,6 +129,11 @@ class TrainConfig:
         """Whose lesions the networks get when they are tested: the paper's or those of its released code."""
         return "paper"
 
+    @property
+    def supervised(self) -> BPTTConfig:
+        """The supervised training by whose loss and settings networks adapt to a lesion: this one, or the paper's."""
+        return BPTTConfig()
+
     def to_values(self) -> Values:
         """Return nested dictionaries of plain numbers, strings and lists."""
         return typing.cast(Values, plain(dataclasses.asdict(self)))
@@ -230,6 +235,10 @@ class BPTTConfig(TrainConfig):
     @property
     def lesion_profile(self) -> Profile:
         return self.profile
+
+    @property
+    def supervised(self) -> BPTTConfig:
+        return self
 
     @property
     def penalty(self) -> Penalty:

@@ -14,8 +14,7 @@ from bilateral_rl.analysis.metrics import Metric, measure, metrics_of
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
-from bilateral_rl.config.hyperparameters import BPTTHyperparameters
-from bilateral_rl.config.schema import BPTTConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
@@ -23,7 +22,7 @@ from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, Lesion, f
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.study.retraining import Retraining
-from bilateral_rl.vocabulary import PENALTIES, PROFILES, TEST_SEED, TEST_TRIALS
+from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
 OnState = Callable[[int, int, str], None]
 """Called with how many states of how many are done, and the name of the next one."""
@@ -179,16 +178,13 @@ def _make_retraining(config: TrainConfig, layout: Layout, settings: LesionSettin
     """
     if config.trial.noisy or config.trial.feedback_delay:
         raise UserError("Retraining knows neither noise nor feedback delay, which this run has; use --no-retrain.")
-    if isinstance(config, BPTTConfig):
-        supervised, penalty, coefficient = config.bptt, config.penalty, config.penalty_coefficient
-    else:
-        penalty = PROFILES["paper"]
-        supervised, coefficient = BPTTHyperparameters(), PENALTIES[penalty]
+    supervised, epoch = config.supervised, config.supervised.bptt
     if settings.retraining_trials is not None:
-        supervised = dataclasses.replace(supervised, trials=settings.retraining_trials)
-    if supervised.trials < supervised.batch_size:
-        raise UserError(f"An epoch of {supervised.trials} trials is less than one batch of {supervised.batch_size}.")
-    return Retraining(layout, config.task, config.trial, supervised, penalty, coefficient, settings.threads)
+        epoch = dataclasses.replace(epoch, trials=settings.retraining_trials)
+    if epoch.trials < epoch.batch_size:
+        raise UserError(f"An epoch of {epoch.trials} trials is less than one batch of {epoch.batch_size}.")
+    penalty, coefficient = supervised.penalty, supervised.penalty_coefficient
+    return Retraining(layout, config.task, config.trial, epoch, penalty, coefficient, settings.threads)
 
 
 def _copy(policy: MotorPolicy) -> Tensors:

@@ -9,13 +9,13 @@ import pandas as pd
 
 from bilateral_rl.analysis import results
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.config.schema import BPTTConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.study.model_job import find_run
-from bilateral_rl.study.plan import results_file, runs_folder
+from bilateral_rl.study.plan import is_supervised, results_file, runs_folder
 from bilateral_rl.study.provenance import is_stale, read_source, source_path
 
 _MOST_POINTS, _MOST_VALUES = 10**5, 10**7
@@ -68,7 +68,7 @@ def learning_history(runs: Mapping[str, list[RunFolder]]) -> pd.DataFrame:
 
 def _history(run: RunFolder) -> pd.DataFrame:
     config = run.config()
-    supervised = isinstance(config, BPTTConfig)
+    supervised = is_supervised(config.algo)
     name, counts = ("epochs.csv", ("seed", "epoch")) if supervised else ("evaluations.csv", ("timesteps",))
     measures = [measure.name for measure in (VALIDATION_LOSS if supervised else FINAL_ERROR, *PREFERRED.values())]
     try:

@@ -72,7 +72,7 @@ class Study:
     @property
     def n_jobs(self) -> int:
         """Number of jobs that the study comes to."""
-        return len(JUDGED_RADII) * len(MODELS) * (1 if _is_supervised(self.algo) else self.seeds)
+        return len(JUDGED_RADII) * len(MODELS) * (1 if is_supervised(self.algo) else self.seeds)
 
     def configs(self, threads: int = 1) -> list[TrainConfig]:
         """The configuration of every training: of all seeds at once if supervised, else one a seed.
@@ -80,7 +80,7 @@ class Study:
         Raises:
             UserError: settings that cannot be.
         """
-        together: Values = {"seeds": self.seeds, "profile": self.profile} if _is_supervised(self.algo) else {}
+        together: Values = {"seeds": self.seeds, "profile": self.profile} if is_supervised(self.algo) else {}
         layers = [_QUICK[self.algo] if self.quick else {}, together, {"threads": threads}]
         configs = [
             resolve(self.algo, task, [*layers, self._calibrated(task), self.overrides], model=model)
@@ -89,7 +89,7 @@ class Study:
         ]
         if any(config.trial.noisy or config.trial.feedback_delay for config in configs):
             raise UserError("After a lesion networks are retrained without noise or delay; leave both out of --set.")
-        if _is_supervised(self.algo):
+        if is_supervised(self.algo):
             return configs
         return [dataclasses.replace(config, seed=config.seed + i) for config in configs for i in range(self.seeds)]
 
@@ -108,7 +108,7 @@ class Study:
 
 def job_name(config: TrainConfig) -> str:
     """The name of the job that trains ``config``."""
-    seed = "" if _is_supervised(config.algo) else f"-seed-{config.seed}"
+    seed = "" if is_supervised(config.algo) else f"-seed-{config.seed}"
     return f"{config.task}/{config.model}{seed}"
 
 
@@ -122,7 +122,7 @@ def runs_folder(config: TrainConfig) -> str:
 
     Seeds that are runs of their own lie in folders of their own: the jobs need not agree on who takes which number.
     """
-    return "runs" if _is_supervised(config.algo) else f"runs/seed-{config.seed}"
+    return "runs" if is_supervised(config.algo) else f"runs/seed-{config.seed}"
 
 
 def cost_of(config: TrainConfig) -> float:
@@ -130,7 +130,7 @@ def cost_of(config: TrainConfig) -> float:
     return _SPECIALIZED_COST if MODELS[config.model].loss == "specialized" else 1.0
 
 
-def _is_supervised(algo: str) -> bool:
+def is_supervised(algo: str) -> bool:
     """Whether all seeds of a model are one training, and so one job; otherwise each is a job, for more at a time."""
     return algo == "bptt"
 
