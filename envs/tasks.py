@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from bilateral_rl.envs.settings import TrialSettings
 
-Float = NDArray[np.float32]
+Float32 = NDArray[np.float32]
 
 
 class Trials(NamedTuple):
     """The postures and loads of ``n`` trials."""
 
-    start: Float
+    start: Float32
     """(n, 2): shoulder and elbow angle at the start (rad); the arm is at rest."""
-    goal: Float
+    goal: Float32
     """(n, 2): angles (rad) whose hand position is the target."""
-    load: Float
+    load: Float32
     """(n, 2): constant force on the hand (N)."""
 
 
@@ -81,7 +81,7 @@ def make_task(task: str | Task) -> Task:
     return TASKS[task]()
 
 
-def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float:
+def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
     """Return postures (n, 2), uniform over the joint range (rad)."""
     lower, upper = np.array(settings.arm.joint_lower_limit), np.array(settings.arm.joint_upper_limit)
     return np.asarray(lower + uniform * (upper - lower), dtype=np.float32)

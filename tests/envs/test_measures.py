@@ -119,3 +119,16 @@ def test_the_last_info_of_a_trial_measures_its_distances(task):
         np.testing.assert_allclose(info["vector_return"], np.sum(rewards, axis=0), rtol=1e-5)
         outcomes.add(completed)
     assert outcomes == ({True, False} if task == "random_reach" else {True})
+
+
+def test_means_are_in_percent_centimeters_and_steps_and_speed_that_of_the_trials_that_reached():
+    measures = trial_measures([[OUT, IN, IN, IN], [OUT] * 4], [0.6, 0.4], 0.05)
+    assert measures.means() == pytest.approx(
+        {
+            "goal_completion_percent": 50.0,
+            "speed_to_goal_cm_per_step": 30.0,
+            "time_in_goal_steps": 1.5,
+            "final_error_cm": 15.5,
+        }
+    )
+    assert math.isnan(trial_measures([[OUT] * 4], [0.4], 0.05).means()["speed_to_goal_cm_per_step"])
