@@ -106,8 +106,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def remove_left_over(folder: Path) -> None:
-    """Remove the temporary files that killed processes left in a folder where nobody else writes now."""
-    for path in folder.rglob(f".*{_TEMPORARY}"):
+    """Remove the temporary files that killed processes left in ``folder``, but not below, where nobody else writes now."""
+    for path in folder.glob(f".*{_TEMPORARY}"):
         with contextlib.suppress(OSError):
             path.unlink()
 

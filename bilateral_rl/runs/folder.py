@@ -110,7 +110,8 @@ class RunFolder:
                 ) from None
             except OSError as error:
                 raise UserError(f"Cannot write {self.path}: {error.strerror}.") from None
-            files.remove_left_over(self.path)
+            for folder in (self.path, self.path / "weights"):  # runs of seeds below have locks of their own
+                files.remove_left_over(folder)
             yield
 
     def write_config(self, config: TrainConfig) -> None:

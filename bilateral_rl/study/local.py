@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -32,8 +33,10 @@ def run_local(jobs: Sequence[Job], folder: Path, n_processes: int, board: Board 
         How each ended, in the order of ``jobs``.
 
     Raises:
-        UserError: less than one process, or a folder that cannot be written.
+        UserError: less than one process, a folder that cannot be written, or Windows, where processes have no groups.
     """
+    if not hasattr(os, "killpg"):
+        raise UserError("Studies run on Linux and macOS; on Windows, train, lesion and compare the models one by one.")
     if n_processes < 1:
         raise UserError(f"Jobs need at least one process, got {n_processes}; give --jobs a positive number.")
     outcomes, to_do = begin(jobs, folder)

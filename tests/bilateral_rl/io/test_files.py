@@ -155,6 +155,8 @@ def test_what_a_killed_process_left_is_recognized_and_removed_where_nobody_else_
     assert left.read_text() == "half"
     assert left.match(".file.*.tmp")
     remove_left_over(folder)
+    assert left.exists()
+    remove_left_over(folder / "below")
     assert {path.name for path in folder.rglob("*")} == {"below", ".hidden"}
 
 

@@ -182,3 +182,9 @@ def test_a_study_that_cannot_be_written_is_refused(tmp_path, toy):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="Choose another --out"):
         run_local([toy("write", "a")], tmp_path / "file" / "study", 1)
+
+
+def test_a_system_without_groups_of_processes_is_told_so(tmp_path, toy, monkeypatch):
+    monkeypatch.delattr(os, "killpg")
+    with pytest.raises(UserError, match="Linux and macOS"):
+        run_local([toy("write", "a")], tmp_path, 1)
