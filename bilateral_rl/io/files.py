@@ -106,7 +106,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def remove_left_over(folder: Path) -> None:
-    """Remove the temporary files that killed processes left in ``folder``, but not below, where nobody else writes now."""
+    """Remove what killed processes left in ``folder`` itself, where nobody else may be writing."""
     for path in folder.glob(f".*{_TEMPORARY}"):
         with contextlib.suppress(OSError):
             path.unlink()
