@@ -91,8 +91,8 @@ def _compare_models(
     for one, label in zip(chosen, labels, strict=True):
         evaluator = Evaluator(one.config.task, one.config.trial, trials, seed)
         head = (label, one.config.task, one.config.algo)
-        for own, policy in load_policies(one.folder, seed=one.only).items():
-            rows += [(*head, own, INTACT, False, *pair) for pair in measure(evaluator.run(policy), metrics).items()]
+        for number, policy in load_policies(one.folder, seed=one.only).items():
+            rows += [(*head, number, INTACT, False, *pair) for pair in measure(evaluator.run(policy), metrics).items()]
     results = pd.DataFrame(rows, columns=list(COLUMNS))
     comparisons = [(compare(results, metric.name, chosen[0].config.task), "") for metric in metrics]
     tables = [comparison.pairs.assign(metric=comparison.metric) for comparison, _ in comparisons]

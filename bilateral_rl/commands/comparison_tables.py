@@ -72,17 +72,17 @@ def _groups_table(comparison: Comparison, decimals: int) -> Table:
 
 def _pairs_table(comparison: Comparison, decimals: int) -> Table:
     """A section for each first group."""
-    shown = [name for name in _TESTS if name in comparison.pairs]
+    test_columns = [name for name in _TESTS if name in comparison.pairs]
     table = Table("first − second")
     table.columns[0].overflow = "fold"
-    for head in ("difference [95 %]", "g", *(_TESTS[name] for name in shown)):
+    for head in ("difference [95 %]", "g", *(_TESTS[name] for name in test_columns)):
         table.add_column(head, justify="right", no_wrap=True)
     for first, pairs in comparison.pairs.groupby("first", sort=False):
         table.add_section()
         table.add_row(f"[bold]{escape(_name(comparison, first))}[/bold] −")
         for pair in pairs.to_dict("records"):
             difference = f"{fixed(pair['difference'], decimals, '+')} {_interval(pair['low'], pair['high'], decimals)}"
-            tests = (p_value(pair[name]) for name in shown)
+            tests = (p_value(pair[name]) for name in test_columns)
             table.add_row(escape(_name(comparison, pair["second"])), difference, fixed(pair["g"], 2, "+"), *tests)
     return table
 

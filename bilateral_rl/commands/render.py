@@ -78,8 +78,8 @@ def render(
     files.write(path, film, pictures, shlex.join([*runs, *arguments]))
     for note in [*_seed_notes(actors), *notes]:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
-    shown = escape(shlex.quote(str(path)))
-    console.print(f"Saved {len(film) / film.fps:.0f} s of video in [bold]{shown}[/bold].", soft_wrap=True)
+    quoted = escape(shlex.quote(str(path)))
+    console.print(f"Saved {len(film) / film.fps:.0f} s of video in [bold]{quoted}[/bold].", soft_wrap=True)
     return path
 
 
