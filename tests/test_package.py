@@ -1,5 +1,6 @@
 """The package as it is installed."""
 
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -15,8 +16,14 @@ def python_files(folder):
 
 
 def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
-    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT]
     pytest.importorskip("setuptools")
+    source = tmp_path / "source"  # setuptools leaves a folder build, and packs what an earlier build left there
+    source.mkdir()
+    for name in ("bilateral_rl", "envs", "policies"):
+        shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", tmp_path, source]
     subprocess.run(command, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     names = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("bilateral_rl/")}

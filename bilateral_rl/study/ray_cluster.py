@@ -192,7 +192,7 @@ def _import_ray() -> Any:
     try:
         return importlib.import_module("ray")
     except ImportError:
-        raise UserError('Ray is not installed; get it with `pip install "bilateral-rl[ray]"`.') from None
+        raise UserError('Ray is not installed; get it with `pip install -c constraints.txt -e ".[ray]"`.') from None
 
 
 @contextlib.contextmanager

@@ -131,7 +131,8 @@ def _wandb() -> Any:
         from wandb import errors, init  # noqa: F401 - a folder called wandb, which it leaves behind, has none
     except ImportError:
         raise UserError(
-            '--track needs Weights & Biases: pip install -c constraints.txt -e ".[track]", or leave out --track.'
+            '--track needs Weights & Biases: get it with `pip install -c constraints.txt -e ".[track]"`, or leave out '
+            "--track."
         ) from None
     return wandb
 

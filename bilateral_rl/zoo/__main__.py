@@ -21,7 +21,7 @@ def register() -> None:
     except ModuleNotFoundError as error:
         if error.name != "rl_zoo3":
             raise
-        raise UserError('rl_zoo3 is not installed; get it with `pip install "bilateral-rl[zoo]"`.') from None
+        raise UserError('rl_zoo3 is not installed; get it with `pip install -c constraints.txt -e ".[zoo]"`.') from None
     import rl_zoo3.train
     from rl_zoo3.hyperparams_opt import HYPERPARAMS_CONVERTER, HYPERPARAMS_SAMPLER
 

@@ -209,5 +209,5 @@ def test_an_address_where_no_cluster_is_is_refused(workers_import_toy_jobs, tmp_
 
 def test_without_ray_one_is_told_how_to_get_it(tmp_path, toy, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(UserError, match=r'pip install "bilateral-rl\[ray\]"'):
+    with pytest.raises(UserError, match=r'pip install -c constraints.txt -e "\.\[ray\]"'):
         run_on_ray([toy("write", "a")], tmp_path, "local")

@@ -29,5 +29,7 @@ def test_without_rl_zoo3(monkeypatch):
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rl_zoo3", None)
     monkeypatch.setattr(sys, "argv", ["zoo", "train"])
-    with pytest.raises(UserError, match=r'rl_zoo3 is not installed; get it with `pip install "bilateral-rl\[zoo\]"`'):
+    with pytest.raises(
+        UserError, match=r'rl_zoo3 is not installed; get it with `pip install -c constraints.txt -e "\.\[zoo\]"`'
+    ):
         main()
