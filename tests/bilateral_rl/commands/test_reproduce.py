@@ -158,6 +158,13 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outco
     assert not outcomes.calls
 
 
+def test_a_cluster_that_is_refused_leaves_no_folder(invoke, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(UserError, match="Ray is not installed"):
+        invoke("reproduce", "--ray", "local", "--out", "new/study")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_folder_of_another_study_is_refused(invoke, outcomes):
     invoke("reproduce", "--out", "study", "--set", "epochs=2")
     with pytest.raises(UserError, match=r"study holds a study with overrides = \{'epochs': 2\}, not \{\}"):
