@@ -55,10 +55,11 @@ class _AfterImport(importlib.abc.MetaPathFinder):
 
 
 def _register_after(loader: Any, registration: str) -> None:
-    """Let ``loader``, made for one import, import the module ``registration`` as its last act."""
+    """Let ``loader`` import the module ``registration`` after the next module that it loads."""
     execute = loader.exec_module
 
     def exec_module(module: ModuleType) -> None:
+        loader.exec_module = execute  # some loaders load many modules
         execute(module)
         importlib.import_module(registration)
 
