@@ -23,6 +23,9 @@ from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, st
 Log = defaultdict[str, list[Tensor]]
 """Measurements by name, an entry for each update: a number (), or one a stream (n_streams,)."""
 
+_STATE_DEPENDENT_EXPLORATION = {"use_sde": False, "sde_sample_freq": -1, "use_sde_at_warmup": False}
+"""Arguments of SB3 that mean nothing without gSDE, with the one value that each may have."""
+
 
 class Hemispheric(BaseAlgorithm):
     """Base class of the algorithms whose reward is a pair, dominant and non-dominant; mix it into one of SB3's.
@@ -57,6 +60,9 @@ class Hemispheric(BaseAlgorithm):
         self.loss = loss
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
+        for name, default in _STATE_DEPENDENT_EXPLORATION.items():
+            if sb3_arguments.get(name, default) != default:
+                raise ValueError(f"state-dependent exploration ({name}) is not available; leave it out.")
         policy_kwargs = {"n_streams": len(stream_mix(loss))} | (policy_kwargs or {})
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **sb3_arguments)
 

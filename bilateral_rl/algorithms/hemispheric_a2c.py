@@ -46,7 +46,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         rms_prop_eps: RMSprop's ε.
         use_rms_prop: True for RMSprop, as in the original; False for Adam, with its fused kernel.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
-        sde_sample_freq: without effect, as there is no gSDE.
+        sde_sample_freq: must be -1, as there is no gSDE.
         rollout_buffer_class: must be None: the streams need a buffer of their own.
         rollout_buffer_kwargs: further arguments of that buffer; ``n_streams`` is given by itself.
         normalize_advantage: whether to normalize each stream's advantages over the rollout.

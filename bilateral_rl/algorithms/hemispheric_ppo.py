@@ -54,7 +54,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         vf_coef: weight of the value loss.
         max_grad_norm: bound of the gradient norm of each parameter group by itself.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
-        sde_sample_freq: without effect, as there is no gSDE.
+        sde_sample_freq: must be -1, as there is no gSDE.
         rollout_buffer_class: must be None: the streams need a buffer of their own.
         rollout_buffer_kwargs: further arguments of that buffer; ``n_streams`` is given by itself.
         target_kl: approximate KL divergence beyond 1.5 times of which an update ends early; None for no bound.

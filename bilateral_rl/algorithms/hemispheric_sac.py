@@ -60,8 +60,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         target_update_interval: updates between those of the target critics.
         target_entropy: entropy (nats) that a learned temperature steers to; "auto" for minus the number of actions.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
-        sde_sample_freq: without effect, as there is no gSDE.
-        use_sde_at_warmup: likewise.
+        sde_sample_freq: must be -1, as there is no gSDE.
+        use_sde_at_warmup: must be False, likewise.
         stats_window_size: number of trials that logged returns average over.
         tensorboard_log: folder for tensorboard's files; None for none.
         policy_kwargs: arguments of the policy; ``n_streams`` is given by itself.

@@ -21,7 +21,7 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
-from bilateral_rl.study.retraining import Retraining
+from bilateral_rl.training.retraining import Retraining
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
 OnState = Callable[[int, int, str], None]

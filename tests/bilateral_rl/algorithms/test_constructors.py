@@ -95,6 +95,10 @@ def test_a2c_takes_adam():
 def test_state_dependent_exploration_is_refused(algorithm):
     with pytest.raises(ValueError, match=r"state-dependent exploration \(use_sde\) is not available"):
         make_model(algorithm, use_sde=True)
+    for name, value in (("sde_sample_freq", 4), ("use_sde_at_warmup", True)):
+        if name in parameters(algorithm):
+            with pytest.raises(ValueError, match=name):
+                make_model(algorithm, **{name: value})
 
 
 @pytest.mark.parametrize("algorithm", ON_POLICY)

@@ -22,7 +22,7 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies, load_policy, network_states
 from bilateral_rl.study import lesioning
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy, state_names
-from bilateral_rl.study.retraining import TRAINED, Retraining
+from bilateral_rl.training.retraining import TRAINED, Retraining
 
 SETTINGS = {"trials": 8, "seed": 7, "threads": 1}
 COMBINED = ["callosum_deep_dominant", "callosum_deep_non_dominant"]

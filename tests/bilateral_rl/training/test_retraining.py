@@ -10,7 +10,7 @@ from bilateral_rl.envs import Arm
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION, RELEASED_LESIONS, find_lesion
-from bilateral_rl.study.retraining import TRAINED, Retraining
+from bilateral_rl.training.retraining import TRAINED, Retraining
 from bilateral_rl.vocabulary import PENALTIES
 
 TRIAL = TrialSettings(trial_length=12)
