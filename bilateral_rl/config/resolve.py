@@ -87,6 +87,11 @@ def tuned_defaults(algo: str, task: str) -> Values:
     return merge(table.get("any_task") or {}, table.get(task) or {})
 
 
+def quick_settings(algo: str) -> Values:
+    """Return the settings that ``defaults.yaml`` holds for a preview of an algorithm; none if it holds none."""
+    return dict(_defaults_table().get(algo, {}).get("quick") or {})
+
+
 @functools.cache
 def _defaults_table() -> Values:
     text = importlib.resources.files("bilateral_rl.config").joinpath("defaults.yaml").read_text(encoding="utf-8")

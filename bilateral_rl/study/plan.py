@@ -10,7 +10,7 @@ from typing import Any
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
 from bilateral_rl.config.parse import Values
-from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.resolve import quick_settings, resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
@@ -19,13 +19,6 @@ from bilateral_rl.vocabulary import PROFILES
 
 TRAIN_AND_MEASURE = "bilateral_rl.study.model_job:train_and_measure"
 QUICK_SEEDS = 3
-_QUICK: dict[str, Values] = {
-    "bptt": {"epochs": 10},
-    "ppo": {"timesteps": 600_000, "evaluation": {"every": 150_000}},
-    "a2c": {"timesteps": 1_200_000, "evaluation": {"every": 300_000}},
-    "sac": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
-    "td3": {"timesteps": 80_000, "evaluation": {"every": 20_000}},
-}
 CALIBRATED: dict[str, Values] = {
     "random_reach": {"bptt": {"penalty": "weights", "penalty_coefficient": 1e-3}},
     "hold_position": {"bptt": {"penalty": "weights", "penalty_coefficient": 3e-5}},
@@ -81,7 +74,7 @@ class Study:
             UserError: settings that cannot be.
         """
         together: Values = {"seeds": self.seeds, "profile": self.profile} if is_supervised(self.algo) else {}
-        layers = [_QUICK[self.algo] if self.quick else {}, together, {"threads": threads}]
+        layers = [quick_settings(self.algo) if self.quick else {}, together, {"threads": threads}]
         configs = [
             resolve(self.algo, task, [*layers, self._calibrated(task), self.overrides], model=model)
             for task in JUDGED_RADII
