@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Positive, Whole
+from bilateral_rl.envs.refusals import refusing_in_a_sentence
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,6 +20,7 @@ _MAX_NORMALIZED_LENGTH = 3.0
 _MAX_NORMALIZED_VELOCITY = 5.0
 
 
+@refusing_in_a_sentence
 @dataclass(frozen=True, config=STRICT)
 class TrialSettings:
     """How trials of any task run.

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import typing
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
 
+from bilateral_rl.envs.refusals import refusal
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import parse_yaml
 
@@ -58,61 +56,7 @@ def build(cls: type[T], values: Mapping[str, Any]) -> T:
     try:
         return TypeAdapter(cls).validate_python(values)
     except ValidationError as error:
-        raise UserError(_sentence(cls, error.errors(include_url=False)[0])) from None
-
-
-def _sentence(cls: type[Any], error: ErrorDetails) -> str:
-    """Say what pydantic found wrong: where, what was expected, and what there is."""
-    path = [str(part) for part in error["loc"] if not isinstance(part, int)]
-    name, kind, value = ".".join(path), error["type"], error["input"]
-    if kind in ("unexpected_keyword_argument", "invalid_key"):
-        where = f"in {'.'.join(path[:-1])}" if path[:-1] else "among the settings"
-        names = [f.name for f in dataclasses.fields(_field_type(cls, path[:-1]))]
-        return f"Unknown setting {path[-1] if path else error['loc'][-1]!r} {where}; choose from {', '.join(names)}."
-    if kind == "value_error":
-        separator = "." if dataclasses.is_dataclass(_field_type(cls, path)) else " "
-        return f"{name}{separator if name else ''}{error['ctx']['error']}."
-    if kind == "literal_error":
-        choices = error["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
-        return f"Unknown {name} {value!r}; choose from {choices}."
-    context: dict[str, object] = {"length": len(typing.get_args(_field_type(cls, path)))}
-    context |= {key: _shown(bound) for key, bound in error.get("ctx", {}).items()}
-    for beginning, expected in _EXPECTED.items():
-        if kind.startswith(beginning):
-            return f"{name} must be {expected.format_map(context)}, got {_shown(value)}."
-    return f"{name} cannot be {_shown(value)}: {error['msg']}."
-
-
-_EXPECTED = {
-    "dataclass": "settings by name",
-    "int": "a whole number",
-    "float": "a finite number",
-    "finite": "a finite number",
-    "bool": "true or false",
-    "string": "a word",
-    "tuple": "a list",
-    "missing": "a list of {length} numbers",
-    "too_short": "a list of at least {min_length} number",
-    "too_long": "a list of at most {max_length} numbers",
-    "greater_than_equal": "at least {ge}",
-    "greater_than": "above {gt}",
-    "less_than_equal": "at most {le}",
-    "less_than": "below {lt}",
-}
-"""What each of pydantic's kinds of error expects, by the beginning of its name; longer beginnings come first."""
-
-
-def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
-    """Return the type of the field that ``path`` leads to from the dataclass ``cls``."""
-    for part in path:
-        cls = typing.get_type_hints(cls)[part]
-    return cls
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    return f"{value:,}" if type(value) in (int, float) else repr(value)
+        raise UserError(refusal(cls, error)) from None
 
 
 def plain(value: Any) -> Any:

@@ -9,6 +9,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Positive
+from bilateral_rl.envs.refusals import refusing_in_a_sentence
 
 MUSCLE_NAMES = ("pectoralis", "deltoid", "brachioradialis", "triceps lateral", "biceps", "triceps long")
 """The six lumped muscles, in the order of every array's last axis."""
@@ -24,6 +25,7 @@ PositivePerMuscle = tuple[Positive, Positive, Positive, Positive, Positive, Posi
 NotNegativePerMuscle = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
 
 
+@refusing_in_a_sentence
 @dataclass(frozen=True, config=STRICT)
 class ArmParameters:
     """Parameters of the planar two-joint, six-muscle arm (paper section 2; MotorNet's ``RigidTendonArm26``).

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import re
 import warnings
 
 import gymnasium
@@ -10,7 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
-from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv
+from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, TrialSettings
 
 IDS = list(ENVIRONMENT_IDS.values())
 SETTINGS = {
@@ -281,3 +282,19 @@ def test_an_action_of_another_shape_is_an_error(action):
     env.reset(seed=0)
     with pytest.raises(ValueError, match="shape"):
         env.step(action)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"trial_length": -1}, "trial_length must be at least 1, got -1."),
+        ({"threshold": "far"}, "threshold must be a finite number, got 'far'."),
+        ({"gravity": 9.81}, "Unknown setting 'gravity' among the settings; choose from trial_length"),
+    ],
+)
+def test_settings_are_refused_in_one_sentence(settings, sentence):
+    for face in (lambda: ArmEnv("random_reach", **settings), lambda: TrialSettings(**settings)):
+        with pytest.raises(ValueError, match="^" + re.escape(sentence)) as refused:
+            face()
+        assert "\n" not in str(refused.value)
+        assert type(refused.value) is ValueError

@@ -1,0 +1,86 @@
+"""Why settings are refused, in one sentence instead of pydantic's report."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+T = TypeVar("T")
+
+
+def refusing_in_a_sentence(cls: type[T]) -> type[T]:
+    """Let the constructor of a pydantic dataclass raise a plain ValueError of one sentence."""
+    validate = cls.__init__
+
+    @functools.wraps(validate)
+    def init(self: T, *args: Any, **kwargs: Any) -> None:
+        try:
+            validate(self, *args, **kwargs)
+        except ValidationError as error:
+            raise ValueError(refusal(cls, error)) from None
+
+    cls.__init__ = init  # type: ignore[method-assign, assignment]
+    return cls
+
+
+def refusal(cls: type[Any], errors: ValidationError) -> str:
+    """Say the first thing that pydantic found wrong with settings of the dataclass ``cls``, in one sentence.
+
+    It says where, what was expected, and what there is.
+    """
+    error = errors.errors(include_url=False)[0]
+    path = [str(part) for part in error["loc"] if not isinstance(part, int)]
+    name, kind, value = ".".join(path), error["type"], error["input"]
+    if kind in ("unexpected_keyword_argument", "invalid_key"):
+        where = f"in {'.'.join(path[:-1])}" if path[:-1] else "among the settings"
+        names = [f.name for f in dataclasses.fields(_field_type(cls, path[:-1]))]
+        return f"Unknown setting {path[-1] if path else error['loc'][-1]!r} {where}; choose from {', '.join(names)}."
+    if kind == "value_error":
+        separator = "." if dataclasses.is_dataclass(_field_type(cls, path)) else " "
+        return f"{name}{separator if name else ''}{error['ctx']['error']}."
+    if kind == "literal_error":
+        choices = error["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
+        return f"Unknown {name} {value!r}; choose from {choices}."
+    context: dict[str, object] = {"length": len(typing.get_args(_field_type(cls, path)))}
+    context |= {key: _shown(bound) for key, bound in error.get("ctx", {}).items()}
+    for beginning, expected in _EXPECTED.items():
+        if kind.startswith(beginning):
+            return f"{name} must be {expected.format_map(context)}, got {_shown(value)}."
+    return f"{name} cannot be {_shown(value)}: {error['msg']}."
+
+
+_EXPECTED = {
+    "dataclass": "settings by name",
+    "int": "a whole number",
+    "float": "a finite number",
+    "finite": "a finite number",
+    "bool": "true or false",
+    "string": "a word",
+    "tuple": "a list",
+    "missing": "a list of {length} numbers",
+    "too_short": "a list of at least {min_length} number",
+    "too_long": "a list of at most {max_length} numbers",
+    "greater_than_equal": "at least {ge}",
+    "greater_than": "above {gt}",
+    "less_than_equal": "at most {le}",
+    "less_than": "below {lt}",
+}
+"""What each of pydantic's kinds of error expects, by the beginning of its name; longer beginnings come first."""
+
+
+def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
+    """Return the type of the field that ``path`` leads to from the dataclass ``cls``."""
+    for part in path:
+        cls = typing.get_type_hints(cls)[part]
+    return cls
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return f"{value:,}" if type(value) in (int, float) else repr(value)
