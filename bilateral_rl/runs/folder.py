@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -216,7 +217,9 @@ class RunFolder:
 
 def find_runs(out: Path) -> list[RunFolder]:
     """List the runs below ``out``, oldest first within each task and model."""
-    return [RunFolder(path.parent) for path in sorted(out.glob("*/*/config.yaml"), key=_natural)]
+    # Not glob("*/*/config.yaml"): versions of Python differ in whether that finds a link that leads nowhere.
+    configs = [path for folder in out.glob("*/*") if os.path.lexists(path := folder / "config.yaml")]
+    return [RunFolder(path.parent) for path in sorted(configs, key=_natural)]
 
 
 @contextlib.contextmanager
