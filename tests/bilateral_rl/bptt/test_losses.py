@@ -1,5 +1,7 @@
 """The streams' losses: their weights (paper section 4), their values, and their gradients."""
 
+import itertools
+
 import pytest
 import torch
 
@@ -43,9 +45,6 @@ LENGTH, VELOCITY = 1, 2
 # Losses divide their weights by the number of samples in float32: only a power of two is exact.
 TRIALS, STEPS = 4, 8
 
-each_model = pytest.mark.parametrize("model", MODELS)
-each_kind = pytest.mark.parametrize("kind", PENALTIES)
-each_loss = pytest.mark.parametrize("loss", LOSSES)
 each_shape = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: "-".join(map(str, shape)))
 
 
@@ -94,31 +93,31 @@ def routed(rollout, losses, loss):
     return rollout.layout.unpack(optimizer.routed)
 
 
-@each_model
-def test_weights_of_terms_and_penalty_are_the_papers(model):
-    losses, streams = losses_of(model), STREAMS_OF_MODEL[model]
-    assert losses.term_weights.tolist() == [terms for terms, _ in streams]
-    assert losses.penalty_weights == tuple(penalty for _, penalty in streams)
-    assert losses.n_streams == len(streams)
+def test_weights_of_terms_and_penalty_are_the_papers():
+    for model, streams in STREAMS_OF_MODEL.items():
+        losses = losses_of(model)
+        assert losses.term_weights.tolist() == [terms for terms, _ in streams]
+        assert losses.penalty_weights == tuple(penalty for _, penalty in streams)
+        assert losses.n_streams == len(streams)
+    assert STREAMS_OF_MODEL.keys() == MODELS.keys()
 
 
 def test_default_coefficients_are_the_papers():
     assert PENALTIES == {"weights": 0.001, "activity": 0.01, "released": 0.01}
 
 
-@each_model
-def test_weights_decay_by_the_penalty_on_them_only(model):
-    assert losses_of(model, "weights").weight_decay == [0.1 * penalty for _, penalty in STREAMS_OF_MODEL[model]]
-    for kind in ("activity", "released"):
-        assert set(losses_of(model, kind).weight_decay) == {0.0}
+def test_weights_decay_by_the_penalty_on_them_only():
+    for model, streams in STREAMS_OF_MODEL.items():
+        assert losses_of(model, "weights").weight_decay == [0.1 * penalty for _, penalty in streams]
+        for kind in ("activity", "released"):
+            assert set(losses_of(model, kind).weight_decay) == {0.0}
 
 
-@each_model
-def test_losses_need_room_for_what_their_penalty_is_taken_of(model):
-    has_penalty = any(penalty for _, penalty in STREAMS_OF_MODEL[model])
-    for kind in PENALTIES:
+def test_losses_need_room_for_what_their_penalty_is_taken_of():
+    for (model, streams), kind in itertools.product(STREAMS_OF_MODEL.items(), PENALTIES):
+        has_penalty = any(penalty for _, penalty in streams)
         size = losses_of(model, kind).rollout_size(2, 3, 4)
-        assert (size.n_networks, size.n_trials, size.n_steps, size.n_streams) == (2, 3, 4, len(STREAMS_OF_MODEL[model]))
+        assert (size.n_networks, size.n_trials, size.n_steps, size.n_streams) == (2, 3, 4, len(streams))
         assert size.watches_state == (has_penalty and kind == "released")
         assert size.watches_activity == (has_penalty and kind == "activity")
         without = losses_of(model, kind, coefficient=0.0).rollout_size(2, 3, 4)
@@ -127,20 +126,20 @@ def test_losses_need_room_for_what_their_penalty_is_taken_of(model):
 
 
 @each_shape
-@each_kind
-def test_values_are_those_of_the_formula(random_networks, make_rollout, shape, kind):
+def test_values_are_those_of_the_formula(random_networks, make_rollout, shape):
     networks = random_networks(*shape, n=3)
     rollout = make_rollout(networks, n_trials=5, n_steps=9, arm=OTHER_ARM)
     rollout.forward()
-    if kind == "weights":
-        squares = [sum(p.detach().square().sum() for p in network.parameters()) for network in networks]
-        penalty = 0.5 * torch.stack(squares)
-    else:
-        penalty = penalty_on_trajectories(kind, rollout, rollout.hidden.shape[3], OTHER_ARM)
-    for loss in LOSSES:
+    squares = [sum(p.detach().square().sum() for p in network.parameters()) for network in networks]
+    n_layers = rollout.hidden.shape[3]
+    penalties = {"weights": 0.5 * torch.stack(squares)}
+    penalties |= {
+        kind: penalty_on_trajectories(kind, rollout, n_layers, OTHER_ARM) for kind in ("activity", "released")
+    }
+    for kind, loss in itertools.product(PENALTIES, LOSSES):
         losses = StreamLosses(loss, kind, 0.7, rollout.layout, OTHER_ARM)
-        expected = losses_on(rollout, rollout.trials.target, loss, 0.7 * penalty)
-        torch.testing.assert_close(losses.values(rollout), torch.stack(expected), rtol=1e-12, atol=0, msg=loss)
+        expected = torch.stack(losses_on(rollout, rollout.trials.target, loss, 0.7 * penalties[kind]))
+        torch.testing.assert_close(losses.values(rollout), expected, rtol=1e-12, atol=0, msg=f"{kind}, {loss}")
 
 
 def test_values_are_added_up_in_double_precision(random_networks, make_rollout):
@@ -154,36 +153,35 @@ def test_values_are_added_up_in_double_precision(random_networks, make_rollout):
 
 
 @each_shape
-@pytest.mark.parametrize("kind", ["activity", "released"])
-@each_loss
 def test_gradients_of_penalties_on_trajectories_are_autograds(
-    random_networks, make_rollout, roll_in_torch, gradient_rows, assert_rows_close, shape, kind, loss
+    random_networks, make_rollout, roll_in_torch, gradient_rows, assert_rows_close, shape
 ):
     networks = random_networks(*shape)
-    losses = StreamLosses(loss, kind, 0.7, Layout(networks[0]), OTHER_ARM)
-    rollout = rollout_for(make_rollout, networks, losses, arm=OTHER_ARM)
-    path = roll_in_torch(networks, rollout, arm=OTHER_ARM)
-    penalty = 0.7 * penalty_on_trajectories(kind, path, rollout.hidden.shape[3], OTHER_ARM)
-    expected = [
-        gradient_rows(rollout.layout, networks, of_stream.sum())
-        for of_stream in losses_on(path, rollout.trials.target, loss, penalty)
-    ]
-    assert_rows_close(rollout.layout, losses.gradient(rollout), torch.stack(expected), rtol=1e-9)
+    for kind, loss in itertools.product(("activity", "released"), LOSSES):
+        losses = StreamLosses(loss, kind, 0.7, Layout(networks[0]), OTHER_ARM)
+        rollout = rollout_for(make_rollout, networks, losses, arm=OTHER_ARM)
+        path = roll_in_torch(networks, rollout, arm=OTHER_ARM)
+        penalty = 0.7 * penalty_on_trajectories(kind, path, rollout.hidden.shape[3], OTHER_ARM)
+        expected = [
+            gradient_rows(rollout.layout, networks, of_stream.sum())
+            for of_stream in losses_on(path, rollout.trials.target, loss, penalty)
+        ]
+        assert_rows_close(rollout.layout, losses.gradient(rollout), torch.stack(expected), rtol=1e-9)
 
 
-@each_loss
 def test_the_gradient_without_decay_is_that_of_the_terms(
-    random_networks, make_rollout, roll_in_torch, gradient_rows, assert_rows_close, loss
+    random_networks, make_rollout, roll_in_torch, gradient_rows, assert_rows_close
 ):
     networks = random_networks(*PAPERS)
-    losses = StreamLosses(loss, "weights", 0.7, Layout(networks[0]), ArmParameters())
-    rollout = rollout_for(make_rollout, networks, losses)
-    of_streams = losses_on(roll_in_torch(networks, rollout), rollout.trials.target, loss, penalty=0.0)
-    expected = torch.stack([gradient_rows(rollout.layout, networks, of_stream.sum()) for of_stream in of_streams])
-    assert_rows_close(rollout.layout, losses.gradient(rollout), expected, rtol=1e-9)
+    for loss in LOSSES:
+        losses = StreamLosses(loss, "weights", 0.7, Layout(networks[0]), ArmParameters())
+        rollout = rollout_for(make_rollout, networks, losses)
+        of_streams = losses_on(roll_in_torch(networks, rollout), rollout.trials.target, loss, penalty=0.0)
+        expected = torch.stack([gradient_rows(rollout.layout, networks, of_stream.sum()) for of_stream in of_streams])
+        assert_rows_close(rollout.layout, losses.gradient(rollout), expected, rtol=1e-9)
 
 
-@each_loss
+@pytest.mark.parametrize("loss", LOSSES)
 def test_the_penalty_on_weights_moves_each_group_as_the_routing_rule_says(random_networks, make_rollout, loss):
     (network,) = random_networks(*PAPERS, n=1)
     layout = Layout(network)
@@ -197,47 +195,18 @@ def test_the_penalty_on_weights_moves_each_group_as_the_routing_rule_says(random
         torch.testing.assert_close(after[name][0] - before[name][0], expected, rtol=1e-10, atol=1e-12)
 
 
-@each_kind
-def test_the_dominant_loss_has_no_penalty_of_any_kind(random_networks, make_rollout, kind):
-    networks = random_networks("unilateral", 10, 2)
-    heavy, without = (
-        StreamLosses("dominant", kind, coefficient, Layout(networks[0]), ArmParameters()) for coefficient in (1e6, 0.0)
-    )
-    rollout = rollout_for(make_rollout, networks, heavy)
-    assert torch.equal(heavy.values(rollout), without.values(rollout))
-    assert torch.equal(heavy.gradient(rollout).clone(), without.gradient(rollout))
-    assert heavy.weight_decay == [0.0]
-    after, before = routed(rollout, heavy, "dominant"), routed(rollout, without, "dominant")
-    assert all(torch.equal(after[name], before[name]) for name in before)
-
-
-@each_kind
-def test_in_a_specialized_model_the_penalty_is_the_non_dominant_losss(random_networks, make_rollout, kind):
-    networks = random_networks(*PAPERS)
-    heavy, without = (StreamLosses("specialized", kind, c, Layout(networks[0]), ArmParameters()) for c in (1e3, 0.0))
-    rollout = rollout_for(make_rollout, networks, heavy)
-    heavy_values, values = heavy.values(rollout), without.values(rollout)
-    assert torch.equal(heavy_values[0], values[0])
-    assert (heavy_values[1] > values[1] + 1).all()
-    gradients = heavy.gradient(rollout).clone(), without.gradient(rollout)
-    assert torch.equal(gradients[0][0], gradients[1][0])
-    assert torch.equal(gradients[0][1], gradients[1][1]) == (kind == "weights")
-
-
-@each_kind
+@pytest.mark.parametrize("kind", PENALTIES)
 @pytest.mark.parametrize("loss", ["combined", "specialized"])
-@pytest.mark.parametrize(("n_trials", "n_steps"), [(3, 7), (64, 50)])
-def test_a_network_of_a_stack_has_the_losses_and_gradients_it_has_alone(
-    random_networks, make_rollout, kind, loss, n_trials, n_steps
-):
+def test_a_network_of_a_stack_has_the_losses_and_gradients_it_has_alone(random_networks, make_rollout, kind, loss):
     networks = random_networks(*PAPERS, n=5, dtype=torch.float32)
     losses = StreamLosses(loss, kind, 0.01, Layout(networks[0]), ArmParameters())
-    stack = rollout_for(make_rollout, networks, losses, n_trials, n_steps)
-    values, gradient = losses.values(stack), losses.gradient(stack)
-    for s in range(5):
-        alone = rollout_for(make_rollout, networks[s : s + 1], losses, n_trials, n_steps)
-        for own, part in zip(alone.trials, stack.trials, strict=True):
-            own[0] = part[s]
-        alone.forward()
-        assert torch.equal(losses.values(alone)[:, 0], values[:, s])
-        assert torch.equal(losses.gradient(alone)[:, 0], gradient[:, s])
+    for size in ((3, 7), (64, 50)):
+        stack = rollout_for(make_rollout, networks, losses, *size)
+        values, gradient = losses.values(stack), losses.gradient(stack)
+        for s in range(5):
+            alone = rollout_for(make_rollout, networks[s : s + 1], losses, *size)
+            for own, part in zip(alone.trials, stack.trials, strict=True):
+                own[0] = part[s]
+            alone.forward()
+            assert torch.equal(losses.values(alone)[:, 0], values[:, s])
+            assert torch.equal(losses.gradient(alone)[:, 0], gradient[:, s])

@@ -105,36 +105,23 @@ def largest_difference(values, reference):
     return np.abs(values - reference).max()
 
 
-def test_the_hand_takes_the_references_path(trained):
-    assert largest_difference(trained.path["hand"], trained.reference["first_batch/cartesian"]) <= 1e-4
-
-
-def test_the_joints_move_as_the_references(trained):
-    joint, reference = trained.path["joint"], trained.reference["first_batch/joint"]
+def test_hand_joints_muscles_and_excitations_take_the_references_path(trained):
+    path, reference = trained.path, under(trained.reference, "first_batch/")
     assert (trained.reference["initial_joint"][:, 2:] == 0).all()
-    assert largest_difference(joint[..., :2], reference[..., :2]) <= 1e-4
-    assert largest_difference(joint[..., 2:], reference[..., 2:]) <= 1e-3
-
-
-def test_excitations_are_the_references(trained):
-    assert largest_difference(trained.path["excitation"], trained.reference["first_batch/excitation"]) <= 2e-5
-
-
-def test_muscle_states_are_the_references(trained):
-    reference = trained.reference["first_batch/muscle"]
-    muscle = trained.path["muscle"][: len(reference)]
-    differences = [largest_difference(muscle[..., row, :], reference[..., row, :]) for row in range(7)]
+    assert largest_difference(path["hand"], reference["cartesian"]) <= 1e-4
+    assert largest_difference(path["joint"][..., :2], reference["joint"][..., :2]) <= 1e-4
+    assert largest_difference(path["joint"][..., 2:], reference["joint"][..., 2:]) <= 1e-3
+    assert largest_difference(path["excitation"], reference["excitation"]) <= 2e-5
+    muscle = path["muscle"][: len(reference["muscle"])]
+    differences = [largest_difference(muscle[..., row, :], reference["muscle"][..., row, :]) for row in range(7)]
     assert all(difference <= bound for difference, bound in zip(differences, MUSCLE_BOUNDS, strict=True)), differences
 
 
-def test_losses_are_the_references(trained):
-    reference = under(trained.reference, "first_batch/loss/")
-    assert set(reference) == set(trained.losses)
+def test_losses_and_their_full_gradients_are_the_references(trained):
+    losses = under(trained.reference, "first_batch/loss/")
+    assert set(losses) == set(trained.losses)
     for stream, loss in trained.losses.items():
-        assert loss == pytest.approx(float(reference[stream]), rel=LOSS_BOUND), stream
-
-
-def test_full_gradients_of_each_loss_are_the_references(trained):
+        assert loss == pytest.approx(float(losses[stream]), rel=LOSS_BOUND), stream
     assert {name.split("/")[0] for name in under(trained.reference, "first_batch/grad/")} == set(trained.gradients)
     for stream, row in trained.gradients.items():
         reference = variables(trained.reference, f"first_batch/grad/{stream}/", trained.layout)

@@ -52,16 +52,15 @@ def forwards(monkeypatch):
 # Stacks
 
 
-@pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("task", TASKS)
 @pytest.mark.parametrize("model", ["cc_s", "uni_b"])
-def test_a_seed_of_a_stack_ends_with_the_bits_it_has_alone(make_trainer, small_bptt, same_bits, model, task, threads):
+def test_a_seed_of_a_stack_ends_with_the_bits_it_has_alone(make_trainer, small_bptt, same_bits, model, task):
     settings = {"model": model, "task": task, "bptt": {"learning_rate": 0.02}}
-    stack = finish(make_trainer(small_bptt(seeds=3, seed=5, threads=threads, **settings)))
+    stacks = [finish(make_trainer(small_bptt(seeds=3, seed=5, threads=threads, **settings))) for threads in (1, 2)]
     for index in range(3):
         alone = finish(make_trainer(small_bptt(seeds=1, seed=5 + index, threads=1, **settings)))
-        assert same_bits(of_seed(stack, index), of_seed(alone, 0))
-    assert len(torch.unique(stack.weights, dim=0)) == 3
+        assert all(same_bits(of_seed(stack, index), of_seed(alone, 0)) for stack in stacks)
+    assert len(torch.unique(stacks[0].weights, dim=0)) == 3
 
 
 @pytest.mark.parametrize("penalty", ["activity", "released"])
@@ -213,15 +212,6 @@ def test_the_history_names_streams_groups_and_measures(make_trainer, small_bptt)
     assert make_trainer(small_bptt(model="bi_ns")).columns[0] == "loss_combined"
 
 
-@pytest.mark.parametrize(("model", "loss"), [("cc_s", "combined"), ("uni_ndl", "non_dominant"), ("uni_b", "combined")])
-def test_validation_is_by_the_loss_that_trains_the_model_or_by_the_combined_one(make_trainer, small_bptt, model, loss):
-    config = small_bptt(model=model, epochs=1, bptt={"learning_rate": 1e-12})
-    state, reference = finish(make_trainer(config)), InTorch(config, 0)
-    terms, _ = reference.run(validation_trials(0, 8, make_task(config.task), config.trial))
-    column = make_trainer(config).columns.index("validation_loss")
-    assert float(state.history[0, 0, column]) == pytest.approx(float(reference.loss(loss, terms).detach()), rel=1e-4)
-
-
 def test_validation_measures_trials_from_where_they_start(make_trainer, small_bptt, monkeypatch):
     config, measured = small_bptt(epochs=1), []
     measure = trainer_module.trial_measures
@@ -254,24 +244,22 @@ def test_the_number_of_torchs_threads_is_left_as_it_was(make_trainer, small_bptt
     assert set(during) == {1}
 
 
-@pytest.mark.parametrize("profile", ["paper", "released"])
-@pytest.mark.parametrize("task", TASKS)
 @pytest.mark.parametrize("model", MODELS)
-def test_every_model_learns_every_task_by_either_profile(make_trainer, small_bptt, model, task, profile):
+def test_every_model_learns_both_tasks_by_either_profile(make_trainer, small_bptt, model):
     settings = {"learning_rate": 0.03, "patience": 10}
-    trainer = make_trainer(small_bptt(model=model, task=task, profile=profile, epochs=10, bptt=settings))
-    history = finish(trainer).history
-    losses = history[:, :, [name.startswith("loss_") for name in trainer.columns]].sum(2)
-    validation = history[:, :, trainer.columns.index("validation_loss")]
-    assert (losses[:, -1] < 0.95 * losses[:, 0]).all()
-    assert (validation[:, -1] < 0.95 * validation[:, 0]).all()
+    for task, profile in (("random_reach", "paper"), ("hold_position", "released")):
+        trainer = make_trainer(small_bptt(model=model, task=task, profile=profile, epochs=10, bptt=settings))
+        history = finish(trainer).history
+        losses = history[:, :, [name.startswith("loss_") for name in trainer.columns]].sum(2)
+        validation = history[:, :, trainer.columns.index("validation_loss")]
+        assert (losses[:, -1] < 0.95 * losses[:, 0]).all(), task
+        assert (validation[:, -1] < 0.95 * validation[:, 0]).all(), task
 
 
 # How a seed ends
 
 
-@pytest.mark.parametrize("patience", [1, 2, 3])
-@pytest.mark.parametrize("model", ["cc_s", "uni_b"])
+@pytest.mark.parametrize(("model", "patience"), [("cc_s", 1), ("uni_b", 2), ("cc_s", 3)])
 def test_a_seed_stops_after_so_many_epochs_without_a_better_validation_loss(make_trainer, small_bptt, model, patience):
     config = small_bptt(model=model, seeds=5, epochs=14, bptt={"learning_rate": 0.2, "patience": patience})
     trainer = make_trainer(config)
@@ -355,19 +343,18 @@ def test_a_training_ends_with_its_epochs(make_trainer, small_bptt):
 
 
 @pytest.mark.parametrize(
-    ("part", "poisoned", "value"),
+    ("model", "part", "poisoned", "value"),
     [
-        ("target", slice(0, 1), float("nan")),
-        ("target", slice(32, None), float("nan")),
-        ("target", slice(32, 33), float("nan")),
-        ("target", slice(47, 48), float("inf")),
-        ("target", slice(63, 64), float("nan")),
-        ("start", slice(32, 33), float("nan")),
-        ("load", slice(32, 33), float("nan")),
+        ("cc_s", "target", slice(0, 1), float("nan")),
+        ("cc_s", "target", slice(32, None), float("nan")),
+        ("uni_b", "target", slice(32, 33), float("nan")),
+        ("cc_s", "target", slice(47, 48), float("inf")),
+        ("cc_s", "target", slice(63, 64), float("nan")),
+        ("cc_s", "start", slice(32, 33), float("nan")),
+        ("cc_s", "load", slice(32, 33), float("nan")),
     ],
     ids=["in the first batch", "from then on", "once", "infinite once", "in the last batch", "start once", "load once"],
 )
-@pytest.mark.parametrize("model", ["cc_s", "uni_b"])
 def test_a_loss_that_is_no_number_ends_its_seed_before_the_update(
     make_trainer, small_bptt, same_bits, forwards, model, part, poisoned, value
 ):
@@ -447,7 +434,7 @@ def test_a_validation_loss_that_is_no_number_ends_its_seed(make_trainer, small_b
 # Interruption
 
 
-@pytest.mark.parametrize("after", [1, 3, 4])
+@pytest.mark.parametrize("after", [1, 4])
 def test_an_epoch_that_is_not_to_go_on_leaves_the_state_and_can_be_done_again(
     make_trainer, small_bptt, same_bits, after
 ):
@@ -469,7 +456,7 @@ def test_an_epoch_that_is_not_to_go_on_leaves_the_state_and_can_be_done_again(
     assert same_bits(finish(trainer).tensors(), expected.tensors())
 
 
-@pytest.mark.parametrize("epochs", [1, 4, 6])
+@pytest.mark.parametrize("epochs", [1, 4])
 def test_a_state_goes_on_in_another_trainer_as_it_would_have(make_trainer, small_bptt, same_bits, epochs):
     config = small_bptt(seeds=4, epochs=9, bptt={"learning_rate": 0.2, "patience": 2})
     expected = finish(make_trainer(config))
