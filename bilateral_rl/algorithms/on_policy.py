@@ -72,7 +72,9 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         new_obs = self._last_obs
         assert isinstance(new_obs, np.ndarray)  # neither image nor dictionary spaces reach this policy
         for step in range(n_rollout_steps):
-            obs = new_obs.reshape(env.num_envs, -1).astype(np.float32, copy=False)
+            # Acting on the stored row, whose place in memory is the same in every process, keeps rounding the same:
+            # matrix products may round by alignment. Nor can an environment change it afterwards.
+            obs = rollout_buffer.begin_step(new_obs.reshape(env.num_envs, -1))
             latent_actions, log_probs, actions = self._act(obs)
             step_obs, rewards, dones, infos = env.step(actions)
             assert isinstance(step_obs, np.ndarray)
@@ -81,7 +83,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
-            rollout_buffer.add(obs, latent_actions, self._stream_rewards(env, infos), dones, log_probs)
+            rollout_buffer.add(latent_actions, self._stream_rewards(env, infos), dones, log_probs)
             if dones.any():
                 self._update_info_buffer(infos, dones)
                 if envs := [i for i in np.flatnonzero(dones).tolist() if infos[i].get("TimeLimit.truncated")]:

@@ -69,9 +69,10 @@ def generalized_advantages(
 class StreamRolloutBuffer(RolloutBuffer):
     """SB3's rollout buffer for rewards of several streams and actions stored before their squashing.
 
-    Three things differ from SB3's flow. Values are not added step by step but given at the end, since one batch of all
-    observations costs a fraction of ``buffer_size`` small ones. The ends of episodes are stored instead of the starts.
-    Minibatches come in the order of torch's random numbers, drawn on the device.
+    Four things differ from SB3's flow. Observations are stored before they are acted on. Values are not added step by
+    step but given at the end, since one batch of all observations costs a fraction of ``buffer_size`` small ones. The
+    ends of episodes are stored instead of the starts. Minibatches come in the order of torch's random numbers, drawn
+    on the device.
 
     Args:
         buffer_size: steps of each environment in a rollout.
@@ -118,25 +119,28 @@ class StreamRolloutBuffer(RolloutBuffer):
         """Start anew at the first step; SB3's buffer allocates all arrays again, this one overwrites them."""
         self.pos, self.full = 0, False
 
+    def begin_step(self, obs: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        """Store the observations (n_envs, n_observed) that the next step acts on, and return the stored row."""
+        self.observations[self.pos] = obs
+        row: NDArray[np.float32] = self.observations[self.pos]
+        return row
+
     def add(  # type: ignore[override] # other columns, as the class says
         self,
-        obs: NDArray[np.float32],
         latent_actions: NDArray[np.float32],
         rewards: NDArray[np.float32],
         dones: NDArray[np.bool_],
         log_probs: NDArray[np.float32],
     ) -> None:
-        """Store one step of every environment.
+        """Store what came of the step that :meth:`begin_step` began.
 
         Args:
-            obs: (n_envs, n_observed), the observations acted on.
             latent_actions: (n_envs, n_actions), the actions before the squashing.
             rewards: (n_envs, n_streams).
             dones: (n_envs,), whether the step ended an episode.
             log_probs: (n_envs,), Gaussian log probability of ``latent_actions``.
         """
         step = self.pos
-        self.observations[step] = obs
         self.latent_actions[step] = latent_actions
         self.rewards[step] = rewards
         self.dones[step] = dones
