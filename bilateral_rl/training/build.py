@@ -12,6 +12,7 @@ from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.runs.policies import policy_arguments
 
 
@@ -20,7 +21,8 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
     trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
     env = ArmVecEnv(config.n_envs, config.task, device=config.device, **trial)
     algorithm_class = ALGORITHM_CLASSES[config.algo]
-    with warnings.catch_warnings():
+    # The orthogonal initialization of critics rounds otherwise with another number of threads.
+    with torch_threads(config.threads), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "You have specified a mini-batch size")  # the parts are as equal as can be
         algorithm = algorithm_class(
             algorithm_class.POLICY_CLASS,

@@ -8,6 +8,7 @@ from rl_runs import small_rl
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.training import run as training
+from bilateral_rl.training.build import build_algorithm
 from bilateral_rl.training.run import check_device, prepare, prepare_resume, run, train
 
 
@@ -44,6 +45,16 @@ def test_a_training_leaves_threads_and_warnings_of_the_process_as_they_were(tmp_
         assert warnings.filters == filters
     finally:
         torch.set_num_threads(1)
+
+
+def test_a_fresh_network_does_not_depend_on_the_threads_of_the_process(same_bits):
+    config = small_rl("a2c", network={"critic_arch": [64, 64]})
+    weights = []
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        weights.append(dict(build_algorithm(config).policy.state_dict()))
+    torch.set_num_threads(1)
+    assert same_bits(*weights)
 
 
 def test_what_prepare_refuses_leaves_no_folder(tmp_path, run_of_another_size):
