@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -42,20 +43,34 @@ def test_every_algorithm_by_reinforcement_has_a_class_and_a_configuration():
     assert {name for name, config in CONFIGS.items() if issubclass(config, RLConfig)} == set(ALGORITHM_CLASSES)
 
 
+def saved(algorithm, config, out):
+    folder = RunFolder.create(out, config)
+    folder.save_weights("final", dict(algorithm.policy.state_dict()))
+    return folder
+
+
+def action_of(policy):
+    return policy.predict(OBSERVATION, deterministic=True)[0]
+
+
 @algos
-@pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("model", MODELS)
-def test_every_algorithm_trains_every_model_on_every_task(algo, task, model):
-    algorithm = build_algorithm(small(algo, task, model))
-    spec = MODELS[model]
-    assert type(algorithm) is ALGORITHM_CLASSES[algo]
-    assert (algorithm.loss, algorithm.policy.motor_network.architecture) == (spec.loss, spec.architecture)
-    assert type(algorithm.env.batch.task) is TASKS[task]
-    before = copy.deepcopy(algorithm.policy.state_dict())
-    algorithm.learn(48)
-    after = algorithm.policy.state_dict()
-    assert not [name for name, value in after.items() if torch.equal(value, before[name])]
-    assert all(bool(value.isfinite().all()) for value in after.values())
+def test_every_algorithm_trains_every_model_which_acts_from_its_run_as_it_was_trained(tmp_path, algo, same_bits):
+    for (model, spec), task in zip(MODELS.items(), itertools.cycle(TASKS), strict=False):
+        config = small(algo, task, model, network={"units": 8})
+        algorithm = build_algorithm(config)
+        assert type(algorithm) is ALGORITHM_CLASSES[algo]
+        assert (algorithm.loss, algorithm.policy.motor_network.architecture) == (spec.loss, spec.architecture)
+        assert type(algorithm.env.batch.task) is TASKS[task]
+        before = copy.deepcopy(algorithm.policy.state_dict())
+        algorithm.learn(48)
+        after = algorithm.policy.state_dict()
+        assert not [name for name, value in after.items() if torch.equal(value, before[name])]
+        assert all(bool(value.isfinite().all()) for value in after.values())
+        folder = saved(algorithm, config, tmp_path)
+        np.testing.assert_array_equal(action_of(load_policy(folder)), action_of(algorithm.policy))
+        ((seed, state),) = network_states(folder).items()
+        assert seed == config.seed
+        assert same_bits(state, dict(algorithm.policy.motor_network.state_dict()))
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
@@ -137,10 +152,16 @@ def test_the_networks_settings_reach_the_policy(algo):
     assert len(stds) == (0 if algo == "td3" else 1)
 
 
-def test_a_minibatch_of_ppo_splits_a_rollout_evenly():
+def test_a_minibatch_of_ppo_splits_a_rollout_evenly_without_a_warning(recwarn):
     for n_steps, largest, expected in ((8, 16, 16), (8, 20, 16), (8, 31, 16), (8, 32, 32), (10, 16, 14), (10, 99, 40)):
         algorithm = build_algorithm(small("ppo", ppo={"n_steps": n_steps, "batch_size": largest}))
         assert algorithm.batch_size == expected
+        buffer = algorithm.rollout_buffer
+        buffer.compute_returns_and_advantage(buffer.rewards, buffer.rewards[0])
+        sizes = [len(batch.returns) for batch in buffer.get(algorithm.batch_size)]
+        assert sizes[:-1] == [expected] * (len(sizes) - 1)
+        assert sum(sizes) == 4 * n_steps
+    assert not [w for w in recwarn if "mini-batch" in str(w.message)]
 
 
 class Rates(BaseCallback):
@@ -175,45 +196,17 @@ def test_neighboring_seeds_share_no_trial_and_the_same_seed_shares_all(algo):
     assert not set(starts[0][:, 12].tolist()) & set(starts[2][:, 12].tolist())
 
 
-# From a run back to policies
-
-
-def saved(algorithm, config, out):
-    folder = RunFolder.create(out, config)
-    folder.save_weights("final", dict(algorithm.policy.state_dict()))
-    return folder
-
-
-def action_of(policy):
-    return policy.predict(OBSERVATION, deterministic=True)[0]
+# From a run on
 
 
 @algos
-@pytest.mark.parametrize("model", ["uni_dl", "bi_ns", "cc_s"])
-def test_a_runs_policy_acts_as_the_one_that_was_trained(tmp_path, algo, model):
-    config = small(algo, model=model, network={"units": 8})
-    algorithm = build_algorithm(config).learn(48)
-    folder = saved(algorithm, config, tmp_path)
-    np.testing.assert_array_equal(action_of(load_policy(folder)), action_of(algorithm.policy))
-    ((seed, state),) = network_states(folder).items()
-    assert seed == config.seed
-    own = algorithm.policy.motor_network.state_dict()
-    assert state.keys() == own.keys()
-    assert all(torch.equal(value, own[name]) for name, value in state.items())
-
-
-@algos
-@pytest.mark.parametrize("other", [*ALGORITHM_CLASSES, "bptt"])
-def test_a_network_goes_on_in_any_other_algorithm(tmp_path, algo, other):
+def test_a_network_goes_on_in_any_other_algorithm(tmp_path, algo, same_bits):
     config = small(algo)
     algorithm = build_algorithm(config)
-    folder = saved(algorithm, config, tmp_path)
-    target = {"init_from": str(folder.path)}
-    config = resolve(other, None, [target]) if other == "bptt" else small(other, **target)
-    (state,) = initial_states(config).values()
-    own = algorithm.policy.motor_network.state_dict()
-    assert state.keys() == own.keys()
-    assert all(torch.equal(value, own[name]) for name, value in state.items())
+    target = {"init_from": str(saved(algorithm, config, tmp_path).path)}
+    for config in (resolve("bptt", None, [target]), *(small(other, **target) for other in ALGORITHM_CLASSES)):
+        (state,) = initial_states(config).values()
+        assert same_bits(state, dict(algorithm.policy.motor_network.state_dict()))
 
 
 @pytest.mark.parametrize(("algo", "other"), [("sac", "td3"), ("td3", "sac"), ("sac", "ppo"), ("a2c", "sac")])

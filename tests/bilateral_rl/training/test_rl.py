@@ -1,5 +1,4 @@
 import csv
-import dataclasses
 
 import numpy as np
 import pandas as pd
@@ -9,12 +8,10 @@ from stable_baselines3.common.monitor import load_results
 from supervised_runs import contents, with_values
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import find_runs
 from bilateral_rl.runs.policies import load_policy
-from bilateral_rl.training.build import build_algorithm
 from bilateral_rl.training.run import resume, train
 
 
@@ -23,9 +20,8 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize("task", ["random_reach", "hold_position"])
-@pytest.mark.parametrize("model", MODELS)
-def test_every_model_trains_on_every_task_and_acts_from_its_folder(tmp_path, small, model, task):
+@pytest.mark.parametrize(("model", "task"), [("uni_dl", "random_reach"), ("bi_ns", "hold_position")])
+def test_a_run_of_another_model_and_task_acts_from_its_folder(tmp_path, small, model, task):
     config = with_values(small, model=model, task=task, timesteps=1_000)
     outcome = train(config, tmp_path)
     policy = load_policy(outcome.folder)
@@ -43,15 +39,10 @@ def test_the_run_folder_holds_what_it_promises(run):
     assert {"best", "final"} < set(run.weight_names())
     assert run.status() == {"state": "finished", "timesteps": 4000, "updates": 20, "weights": "final"}
 
-
-def test_nothing_in_a_run_folder_is_a_pickle(run):
-    files = [path for path in run.path.rglob("*") if path.is_file() and "tfevents" not in path.name]
-    assert {path.suffix for path in files} <= {".yaml", ".json", ".csv", ".safetensors"}
-
-
-def test_who_may_read_the_configuration_may_read_everything(tmp_path, small):
-    folder = train(with_values(small, timesteps=1_000), tmp_path).folder
-    assert len({path.stat().st_mode for path in folder.path.rglob("*") if path.is_file()}) == 1
+    files = [path for path in run.path.rglob("*") if path.is_file()]
+    suffixes = {path.suffix for path in files if "tfevents" not in path.name}
+    assert suffixes <= {".yaml", ".json", ".csv", ".safetensors"}, "no pickle"
+    assert len({path.stat().st_mode for path in files}) == 1, "who may read the configuration may read everything"
 
 
 def test_sb3_reads_the_monitor_file(run):
@@ -59,13 +50,15 @@ def test_sb3_reads_the_monitor_file(run):
     assert len(results) == 4_000 // 50
     assert (results["l"] == 50).all()
     np.testing.assert_allclose(results["r"], (results["dominant"] + results["non_dominant"]) / 2, rtol=1e-4)
+    frame = pd.read_csv(run.path / "monitor.csv", skiprows=1)
+    assert frame.notna().all().all()
+    assert list(frame.columns) == ["r", "l", "t", "dominant", "non_dominant"]
 
 
-def test_evaluations_come_by_environment_steps_whatever_n_envs_is(tmp_path, small):
-    for n_envs in (10, 20):
-        config = with_values(small, n_envs=n_envs, evaluation={"every": 2_000})
-        outcome = train(config, tmp_path / str(n_envs))
-        assert [int(row["timesteps"]) for row in rows(outcome.folder.path / "evaluations.csv")] == [0, 2000, 4000]
+def test_evaluations_come_by_environment_steps_whatever_n_envs_is(tmp_path, small, run):
+    fewer = train(with_values(small, n_envs=10, evaluation={"every": 2_000}), tmp_path / "fewer").folder
+    for folder in (run, fewer):
+        assert [int(row["timesteps"]) for row in rows(folder.path / "evaluations.csv")] == [0, 2000, 4000]
 
 
 def test_the_best_weights_are_those_of_the_best_evaluation(run):
@@ -89,11 +82,12 @@ def test_tensorboard_shows_the_two_streams_side_by_side(run):
     assert any(tag.startswith("figures/hand_paths") for tag in images)
 
 
-def test_the_same_seed_gives_the_same_weights_and_another_seed_others(tmp_path, small):
-    weights = [train(c, tmp_path).folder.load_weights("final") for c in (small, small)]
-    assert all(torch.equal(weights[0][k], weights[1][k]) for k in weights[0])
-    other = train(dataclasses.replace(small, seed=1), tmp_path).folder.load_weights("final")
-    assert not torch.equal(weights[0]["log_std"], other["log_std"])
+def test_the_same_seed_gives_the_same_weights_and_another_seed_others(tmp_path, small, run, same_bits):
+    again, other = (
+        train(config, tmp_path).folder.load_weights("final") for config in (small, with_values(small, seed=1))
+    )
+    assert same_bits(again, run.load_weights("final"))
+    assert not torch.equal(again["log_std"], other["log_std"])
 
 
 def test_a_finished_run_is_not_resumed_without_more_steps(run):
@@ -110,34 +104,25 @@ def test_a_run_killed_after_its_last_step_is_finished_by_resuming(run):
         assert after[str(run.path / name)] == before[str(run.path / name)], name
 
 
-@pytest.mark.parametrize(
-    ("name", "tensor"),
-    [
-        ("optimizer.x.exp_avg", torch.zeros(1)),
-        ("evaluation.best_return", torch.tensor(float("nan"), dtype=torch.float64)),
-        ("evaluation.weights.log_std", torch.zeros(7)),
-        ("file.monitor.csv", torch.zeros(1)),
-        ("file.passwords", torch.tensor(0)),
-        ("weights.policy.log_std", torch.full((6,), float("inf"))),
-    ],
-)
-def test_a_damaged_resume_file_is_refused(run, name, tensor):
-    run.save_resume(run.load_resume() | {name: tensor})
-    with pytest.raises(UserError, match="damaged"):
-        resume(run, with_values(run.config(), timesteps=8_000))
+def test_a_damaged_resume_file_is_refused(run):
+    sound = run.load_resume()
+    for damage in (
+        {"optimizer.x.exp_avg": torch.zeros(1)},
+        {"evaluation.best_return": torch.tensor(float("nan"), dtype=torch.float64)},
+        {"evaluation.weights.log_std": torch.zeros(7)},
+        {"file.monitor.csv": torch.zeros(1)},
+        {"file.passwords": torch.tensor(0)},
+        {"weights.policy.log_std": torch.full((6,), float("inf"))},
+    ):
+        run.save_resume(sound | damage)
+        with pytest.raises(UserError, match="damaged"):
+            resume(run, with_values(run.config(), timesteps=8_000))
 
 
 def test_weights_of_another_network_are_refused(run):
     run.write_config(with_values(run.config(), network={"units": 12}))
     with pytest.raises(UserError, match="do not fit"):
         load_policy(run)
-
-
-def test_the_learning_rate_falls_linearly_to_its_final_value(small):
-    algorithm = build_algorithm(with_values(small, ppo={"learning_rate": 0.01, "final_learning_rate": 0.002}))
-    assert algorithm.lr_schedule(1.0) == pytest.approx(0.01)
-    assert algorithm.lr_schedule(0.5) == pytest.approx(0.006)
-    assert algorithm.lr_schedule(0.0) == pytest.approx(0.002)
 
 
 @pytest.mark.slow
@@ -149,21 +134,6 @@ def test_the_default_training_learns_to_reach(tmp_path, seed):
     outcome = train(config, tmp_path)
     record = Evaluator(config.task, config.trial, 1024, 2_000_000).run(outcome.policies[config.seed])
     assert record.summary(0.05)["goal_completion_percent"] >= 90
-
-
-def test_monitor_rows_are_plain_numbers(run):
-    frame = pd.read_csv(run.path / "monitor.csv", skiprows=1)
-    assert frame.notna().all().all()
-    assert list(frame.columns) == ["r", "l", "t", "dominant", "non_dominant"]
-
-
-@pytest.mark.parametrize(("n_envs", "parts"), [(20, [1000]), (101, [5050]), (103, [2575, 2575]), (7, [350])])
-def test_a_rollout_is_split_into_few_and_equal_minibatches_without_a_warning(small, n_envs, parts, recwarn):
-    algorithm = build_algorithm(with_values(small, n_envs=n_envs, ppo={"batch_size": 5120}))
-    buffer = algorithm.rollout_buffer
-    buffer.compute_returns_and_advantage(buffer.rewards, buffer.rewards[0])
-    assert [len(batch.returns) for batch in buffer.get(algorithm.batch_size)] == parts
-    assert not [w for w in recwarn if "mini-batch" in str(w.message)]
 
 
 def test_a_diverged_training_is_one_sentence_and_keeps_what_was_saved(tmp_path, small):
@@ -181,11 +151,11 @@ def test_a_run_that_was_never_saved_says_how_to_start_anew(run):
         resume(run, with_values(run.config(), timesteps=8_000))
 
 
-@pytest.mark.parametrize("status", [[], {"timesteps": "abc"}, {"timesteps": 4000, "weights": 3}])
-def test_a_damaged_status_is_refused(run, status):
-    run.write_json("status.json", status)
-    with pytest.raises(UserError, match="damaged"):
-        resume(run, with_values(run.config(), timesteps=8_000))
+def test_a_damaged_status_is_refused(run):
+    for status in ([], {"timesteps": "abc"}, {"timesteps": 4000, "weights": 3}):
+        run.write_json("status.json", status)
+        with pytest.raises(UserError, match="damaged"):
+            resume(run, with_values(run.config(), timesteps=8_000))
 
 
 def damage_state(run):
