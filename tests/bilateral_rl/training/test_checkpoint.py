@@ -134,31 +134,31 @@ def _is_refused(algorithm, state):
     return False
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("counter.num_timesteps", torch.tensor(-1)),
-        ("replay.pos", torch.tensor(150)),
-        ("replay.pos", torch.tensor(-1)),
-        ("random.numpy", torch.full((625,), 700)),
-        ("random.numpy", torch.full((625,), -1)),
-        ("random.python", torch.full((625,), 1 << 40)),
-        ("random.python_gauss", torch.zeros(2, dtype=torch.float64)),
-        ("random.torch", torch.zeros(5056, dtype=torch.uint8)),
-        ("random.action_space", torch.zeros(1, 6, dtype=torch.int64)),
-        ("environment.clock", torch.full((8,), 20, dtype=torch.int32)),
-        ("environment.clock", torch.full((8,), -1, dtype=torch.int32)),
-        ("episodes.success", torch.zeros(101, dtype=torch.float64)),
-        ("weights.policy.another", torch.zeros(1)),
-        ("optimizer.critic.optimizer.99.exp_avg", torch.zeros(1)),
-        ("optimizer.critic.optimizer.0.another", torch.zeros(1)),
-        ("optimizer.critic.optimizer.0.step", torch.tensor(-1e9)),
-        ("nonsense", torch.zeros(1)),
-    ],
-)
-def test_numbers_that_no_training_has_are_refused(states, name, value):
-    with pytest.raises(ValueError, match=r"\w"):
-        restore(built("sac"), states["sac"] | {name: value})
+NO_TRAINING_HAS = [
+    ("counter.num_timesteps", torch.tensor(-1)),
+    ("replay.pos", torch.tensor(150)),
+    ("replay.pos", torch.tensor(-1)),
+    ("random.numpy", torch.full((625,), 700)),
+    ("random.numpy", torch.full((625,), -1)),
+    ("random.python", torch.full((625,), 1 << 40)),
+    ("random.python_gauss", torch.zeros(2, dtype=torch.float64)),
+    ("random.torch", torch.zeros(5056, dtype=torch.uint8)),
+    ("random.action_space", torch.zeros(1, 6, dtype=torch.int64)),
+    ("environment.clock", torch.full((8,), 20, dtype=torch.int32)),
+    ("environment.clock", torch.full((8,), -1, dtype=torch.int32)),
+    ("episodes.success", torch.zeros(101, dtype=torch.float64)),
+    ("weights.policy.another", torch.zeros(1)),
+    ("optimizer.critic.optimizer.99.exp_avg", torch.zeros(1)),
+    ("optimizer.critic.optimizer.0.another", torch.zeros(1)),
+    ("optimizer.critic.optimizer.0.step", torch.tensor(-1e9)),
+    ("nonsense", torch.zeros(1)),
+]
+
+
+def test_numbers_that_no_training_has_are_refused(states):
+    twin = built("sac")
+    for name, value in NO_TRAINING_HAS:
+        assert _is_refused(twin, states["sac"] | {name: value}), f"{name} = {value} was taken"
 
 
 def test_the_random_streams_go_on(states):

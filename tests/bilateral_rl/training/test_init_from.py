@@ -38,12 +38,12 @@ def before_learning(monkeypatch, tmp_path):
     return look
 
 
-@pytest.mark.parametrize("named", ["{}", "{}:0"])
-def test_every_seed_can_begin_with_a_reinforced_network(tmp_path, run, small_bptt, same_bits, named):
+def test_every_seed_can_begin_with_a_reinforced_network(tmp_path, run, small_bptt, same_bits):
     source = network_states(run)[0]
-    states = beginning(small_bptt(seed=5, init_from=named.format(run.path)), tmp_path)
-    assert list(states) == [5, 6]
-    assert all(same_bits(state, source) for state in states.values())
+    for named in (str(run.path), f"{run.path}:0"):
+        states = beginning(small_bptt(seed=5, init_from=named), tmp_path)
+        assert list(states) == [5, 6]
+        assert all(same_bits(state, source) for state in states.values())
 
 
 def test_seeds_begin_with_the_seeds_of_their_number_or_with_the_one_named(tmp_path, bptt_run, small_bptt, same_bits):
@@ -59,18 +59,15 @@ def test_another_model_of_the_same_architecture_may_be_begun_with(tmp_path, bptt
     assert same_bits(states[1], network_states(bptt_run)[1])
 
 
-@pytest.mark.parametrize(("seed", "named", "expected"), [(1, "{}", 1), (1, "{}:2", 2), (9, "{}:0", 0)])
-def test_reinforcement_begins_with_the_action_of_the_supervised_network(
-    bptt_run, small, before_learning, seed, named, expected
-):
-    policy = before_learning(with_values(small, seed=seed, init_from=named.format(bptt_run.path)))
-    network = build_network(bptt_run.config())
-    network.load_state_dict(network_states(bptt_run)[expected])
-    observation = torch.randn(64, 16)
-    with torch.no_grad():
-        excitation = network.excitation(observation)
-    action, _ = policy.predict(observation.numpy(), deterministic=True)
-    np.testing.assert_allclose((action + 1) / 2, excitation, atol=1e-6)
+def test_reinforcement_begins_with_the_action_of_the_supervised_network(bptt_run, small, before_learning):
+    observation, network = torch.randn(64, 16), build_network(bptt_run.config())
+    for seed, named, expected in ((1, "", 1), (1, ":2", 2), (9, ":0", 0)):
+        policy = before_learning(with_values(small, seed=seed, init_from=f"{bptt_run.path}{named}"))
+        network.load_state_dict(network_states(bptt_run)[expected])
+        with torch.no_grad():
+            excitation = network.excitation(observation)
+        action, _ = policy.predict(observation.numpy(), deterministic=True)
+        np.testing.assert_allclose((action + 1) / 2, excitation, atol=1e-6)
 
 
 def test_reinforcement_goes_on_from_a_supervised_network(tmp_path, bptt_run, small):
@@ -104,18 +101,14 @@ UNFIT = [
 SEEDS_UNFIT = ({"seed": 1, "seeds": 3}, "{}", r"has seeds 0 to 2, not 3: name one, as .*cc_s-bptt-1:0")
 
 
-@pytest.mark.parametrize(
-    ("algo", "values", "named", "says"),
-    [*(("ppo", *case) for case in UNFIT), *(("bptt", *case) for case in (*UNFIT, SEEDS_UNFIT))],
-)
-def test_what_cannot_be_begun_with_is_refused_and_leaves_nothing(
-    tmp_path, bptt_run, small, small_bptt, algo, values, named, says
-):
-    values = {**values, "init_from": named.format(bptt_run.path)}
-    config = with_values(small, **values) if algo == "ppo" else small_bptt(**values)
-    with pytest.raises(UserError, match=says):
-        train(config, tmp_path / "new")
-    assert not (tmp_path / "new").exists()
+@pytest.mark.parametrize("algo", ["ppo", "bptt"])
+def test_what_cannot_be_begun_with_is_refused_and_leaves_nothing(tmp_path, bptt_run, small, small_bptt, algo):
+    for values, named, says in UNFIT if algo == "ppo" else (*UNFIT, SEEDS_UNFIT):
+        beginning = {**values, "init_from": named.format(bptt_run.path)}
+        config = with_values(small, **beginning) if algo == "ppo" else small_bptt(**beginning)
+        with pytest.raises(UserError, match=says):
+            train(config, tmp_path / "new")
+        assert not (tmp_path / "new").exists()
 
 
 def test_a_damaged_network_is_not_begun_with(tmp_path, bptt_run, small_bptt):

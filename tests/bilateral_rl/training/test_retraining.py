@@ -1,12 +1,14 @@
 """The epoch after a lesion: only the output layer adapts, by the combined loss, under the lesion."""
 
+import itertools
+
 import pytest
 import torch
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.trials import retraining_trials, training_trials
 from bilateral_rl.config.hyperparameters import BPTTHyperparameters
-from bilateral_rl.envs import Arm
+from bilateral_rl.envs import TASKS, Arm
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION, RELEASED_LESIONS, find_lesion
@@ -64,8 +66,7 @@ def an_epoch_in_torch(network, seed, task, coefficient):
                 p -= rate * m / (v.sqrt() + 1e-7)
 
 
-@pytest.mark.parametrize("task", ["random_reach", "hold_position"])
-@pytest.mark.parametrize("lesion", ["intact", *LESIONS])
+@pytest.mark.parametrize(("lesion", "task"), [*zip(["intact", *LESIONS], itertools.cycle(TASKS), strict=False)])
 def test_an_epoch_brings_what_plain_torch_brings(networks, rows, task, lesion):
     layout = Layout(networks[0])
     after = by_name(layout, make(layout, task).run(rows, SEEDS, find_lesion(lesion)))
@@ -76,8 +77,9 @@ def test_an_epoch_brings_what_plain_torch_brings(networks, rows, task, lesion):
             torch.testing.assert_close(after[name][index], parameter.detach(), rtol=0, atol=2e-5)
 
 
-@pytest.mark.parametrize("architecture", ["unilateral", "bilateral", "callosal"])
-@pytest.mark.parametrize("penalty", list(PENALTIES))
+@pytest.mark.parametrize(
+    ("architecture", "penalty"), [*zip(["unilateral", "bilateral", "callosal"], PENALTIES, strict=True)]
+)
 def test_only_the_output_layer_changes(random_networks, rows_of, same_bits, architecture, penalty):
     networks = random_networks(architecture, dtype=torch.float32)
     layout = Layout(networks[0])

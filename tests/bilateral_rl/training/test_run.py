@@ -12,27 +12,19 @@ from bilateral_rl.training.build import build_algorithm
 from bilateral_rl.training.run import check_device, prepare, prepare_resume, run, train
 
 
-@pytest.mark.parametrize(
-    ("device", "n_devices", "words"),
-    [
+def test_a_device_is_taken_where_it_is_there(monkeypatch):
+    for device, n_devices, words in (
         ("cuda", 0, "no CUDA device"),
         ("cuda:0", 0, "no CUDA device"),
         ("cuda:1", 1, "last one is cuda:0"),
         ("cuda:7", 2, "last one is cuda:1"),
-    ],
-)
-def test_a_device_that_is_not_there_is_refused(monkeypatch, device, n_devices, words):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: n_devices > 0)
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: n_devices)
-    with pytest.raises(UserError, match=words):
+    ):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda n=n_devices: n > 0)
+        monkeypatch.setattr(torch.cuda, "device_count", lambda n=n_devices: n)
+        with pytest.raises(UserError, match=words):
+            check_device(device)
+    for device in ("cpu", "cuda", "cuda:0", "cuda:1"):
         check_device(device)
-
-
-@pytest.mark.parametrize("device", ["cpu", "cuda", "cuda:0", "cuda:1"])
-def test_a_device_that_is_there_is_taken(monkeypatch, device):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
-    check_device(device)
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac", "bptt"])

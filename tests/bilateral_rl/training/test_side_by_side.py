@@ -1,6 +1,7 @@
 """Several networks by reinforcement learning: each as if alone, and one run for all commands."""
 
 import os
+import shutil
 import signal
 import time
 
@@ -74,22 +75,27 @@ def test_the_run_says_how_far_every_seed_came_and_what_it_measured(watched, conf
     assert [run.path for run in find_runs(outcome.folder.path.parent.parent)] == [outcome.folder.path]
 
 
-def test_a_training_that_is_stopped_ends_as_one_in_one_go(watched, config, tmp_path):
-    outcome = train(config, tmp_path, Watch(stop_at=1))
-    assert outcome.stopped_by == signal.SIGINT
-    assert outcome.folder.status()["state"] == "interrupted"
-    outcome = resume(outcome.folder, config)
-    assert outcome.stopped_by is None
-    for seed in SEEDS:
-        assert differences(child(outcome.folder, seed), child(watched[0].folder, seed)) == []
-    assert outcome.folder.status() == watched[0].folder.status()
+def test_more_timesteps_that_are_stopped_in_between_bring_what_they_bring_each_seed_alone(
+    watched, alone, config, tmp_path
+):
+    folder = RunFolder(shutil.copytree(watched[0].folder.path, tmp_path / "run"))
     with pytest.raises(UserError, match=r"1,600 steps of every seed.*--timesteps"):
-        resume(outcome.folder, config)
-    longer = resume(outcome.folder, with_values(config, timesteps=1_760))
-    assert {entry["timesteps"] for entry in longer.folder.status()["seeds"]} == {1_760}
+        resume(folder, config)
+    longer = with_values(config, timesteps=2_400)
+    outcome = resume(folder, longer, Watch(stop_at=3_201))
+    assert outcome.stopped_by == signal.SIGINT
+    assert 3_200 < outcome.done < 4_800
+    assert folder.status()["state"] == "interrupted"
+    outcome = resume(folder, longer)
+    assert outcome.stopped_by is None
+    assert [(entry["state"], entry["timesteps"]) for entry in folder.status()["seeds"]] == [("finished", 2_400)] * 2
+    for seed in SEEDS:
+        expected = RunFolder(shutil.copytree(alone[seed].path, tmp_path / f"{seed}"))
+        resume(expected, with_values(expected.config(), timesteps=2_400))
+        assert differences(child(folder, seed), expected) == []
 
 
-def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, config, tmp_path):
+def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path):
     path, output = tmp_path / "random_reach" / "cc_s-ppo-1", tmp_path / "output"
     source = watched[0].folder.path / "config.yaml"
     with started("train", "--config", source, "--out", tmp_path, output=output) as process:
@@ -101,9 +107,15 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, config, t
     while any((path / f"seed_{seed}" / ".lock").exists() for seed in SEEDS):
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    resume(folder, folder.config())
+    text = output.read_text()
+    assert "1,600 steps of 8 arms, seeds 0 to 1 side by side" in " ".join(text.split())
+    code, text = finished("train", "--resume", path, output=output)
+    assert code == 0, text
+    assert "seed 1, " in text
+    assert "mean ± standard deviation over 2 seeds" in " ".join(text.split())
     for seed in SEEDS:
         assert differences(child(folder, seed), child(watched[0].folder, seed)) == []
+    assert folder.status() == watched[0].folder.status()
 
 
 def test_a_training_that_diverges_in_every_seed_is_one_error_that_names_them(config, tmp_path):
@@ -133,13 +145,3 @@ def test_all_commands_take_such_a_run_and_each_of_its_seeds(watched, tmp_path, c
     few = ["bptt.trials=32", "bptt.batch_size=16", "bptt.validation_trials=8", "trial.trial_length=20"]
     code, _, err = call(*begun, *(word for item in few for word in ("--set", item)))
     assert (code, err) == (0, "")
-
-
-def test_the_command_says_what_it_does(tmp_path, watched):
-    command = ["train", "--config", watched[0].folder.path / "config.yaml", "--out", tmp_path]
-    code, text = finished(*command, output=tmp_path / "output")
-    assert code == 0, text
-    text = " ".join(text.split())
-    assert "1,600 steps of 8 arms, seeds 0 to 1 side by side" in text
-    assert "seed 1, " in text
-    assert "mean ± standard deviation over 2 seeds" in text
