@@ -86,11 +86,6 @@ def test_every_argument_arrives(algorithm):
         assert (type(model.policy.optimizer).__name__, group["eps"]) == ("RMSprop", 1e-3)
 
 
-def test_a2c_takes_adam():
-    model = make_model(HemisphericA2C, use_rms_prop=False)
-    assert type(model.policy.optimizer).__name__ == "Adam"
-
-
 @pytest.mark.parametrize("algorithm", [HemisphericPPO, HemisphericA2C, HemisphericSAC])
 def test_state_dependent_exploration_is_refused(algorithm):
     with pytest.raises(ValueError, match=r"state-dependent exploration \(use_sde\) is not available"):

@@ -30,7 +30,7 @@ def test_ordinary_environments_train_to_the_same_weights(algorithm):
 
 
 @pytest.mark.filterwarnings("ignore:The environment is already wrapped with a `Monitor`")
-@pytest.mark.parametrize("wrap", [VecMonitor, normalized, VecNormalize])
+@pytest.mark.parametrize("wrap", [VecMonitor, VecNormalize])
 def test_wrappers_of_sb3_pass_the_reward_pair_on(algorithm, wrap):
     env = Recorder(arm())
     model = collect(make_model(algorithm, env=wrap(env), gamma=0.0, reward_scale=0.5))

@@ -27,7 +27,7 @@ GAMMA, TEMPERATURE = 0.9, 0.3
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
-@pytest.mark.parametrize("loss", MIX)
+@pytest.mark.parametrize("loss", ["specialized", "combined"])
 def test_what_is_stored_is_what_happened(algorithm, loss):
     """The last observation of a trial, not the next trial's first; an end only where a trial was terminated."""
     env = Recorder(DummyVecEnv([RandomEnds] * 3))
@@ -97,15 +97,16 @@ def critic_losses(model, batch, seed):
 
 
 @pytest.mark.parametrize(
-    ("algorithm", "settings"),
+    ("algorithm", "settings", "loss", "n_critics"),
     [
-        (HemisphericSAC, {"ent_coef": TEMPERATURE}),
-        (HemisphericSAC, {"ent_coef": f"auto_{TEMPERATURE}"}),
-        (HemisphericTD3, {}),
-        (HemisphericTD3, {"target_policy_noise": 2.0, "target_noise_clip": 0.1}),
+        (HemisphericSAC, {"ent_coef": TEMPERATURE}, "specialized", 3),
+        (HemisphericSAC, {"ent_coef": f"auto_{TEMPERATURE}"}, "specialized", 2),
+        (HemisphericSAC, {"ent_coef": f"auto_{TEMPERATURE}"}, "combined", 1),
+        (HemisphericTD3, {}, "specialized", 3),
+        (HemisphericTD3, {"target_policy_noise": 2.0, "target_noise_clip": 0.1}, "specialized", 2),
+        (HemisphericTD3, {}, "combined", 1),
     ],
 )
-@pytest.mark.parametrize(("loss", "n_critics"), [("specialized", 2), ("specialized", 3), ("combined", 1)])
 def test_critics_are_trained_towards_their_streams_target(monkeypatch, algorithm, settings, loss, n_critics):
     env = DummyVecEnv([RandomEnds] * 3)
     policy_kwargs = {"n_critics": n_critics, "critic_arch": (8, 8)}
@@ -177,8 +178,8 @@ def test_sacs_targets_move_every_target_update_interval_updates(gradient_steps):
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
-@pytest.mark.parametrize("tau", [0.005, 0.3, 1.0])
-def test_targets_follow_by_tau(algorithm, tau):
+def test_targets_follow_by_tau(algorithm):
+    tau = 0.3
     model = collect(make_model(algorithm, tau=tau, learning_rate=0.01))
     blend_in_noise(model.policy.critic_target)
     before = weights(model)

@@ -21,8 +21,9 @@ from bilateral_rl.vocabulary import SIDES
 pytestmark = pytest.mark.parametrize("algorithm", ON_POLICY)
 
 
-@pytest.mark.parametrize("policy", ["BilateralPolicy", "CallosalPolicy"])
-@pytest.mark.parametrize(("silenced", "stream"), [("non_dominant", 1), ("dominant", 0)])
+@pytest.mark.parametrize(
+    ("policy", "silenced", "stream"), [("BilateralPolicy", "non_dominant", 1), ("CallosalPolicy", "dominant", 0)]
+)
 def test_a_stream_without_advantages_moves_no_parameter_of_its_hemisphere(
     monkeypatch, algorithm, policy, silenced, stream
 ):

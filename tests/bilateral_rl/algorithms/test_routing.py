@@ -92,22 +92,15 @@ def test_routed_gradients_are_those_of_two_ordinary_backward_passes(architecture
             torch.testing.assert_close(parameter.grad, gradient, rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("loss", ["combined", "dominant", "non_dominant"])
-def test_a_single_stream_routes_its_whole_gradient_everywhere(loss):
-    model = two_streams()
-    groups = {name: group for name, group in model.groups().items() if name != "critic_1"}
-    expected = backward_gradients(model, stream=0)
-    assign_routed_gradients(model.losses()[:1], groups, policy_shares(loss))
-    for name, group in groups.items():
-        for parameter, gradient in zip(group, expected[name], strict=True):
-            torch.testing.assert_close(parameter.grad, gradient, rtol=1e-6, atol=1e-8)
-
-
-def test_the_share_scales_each_streams_gradient():
-    parameter = nn.Parameter(torch.tensor([1.0, 2.0]))
-    losses = [(10 * parameter).sum(), (100 * parameter).sum()]
-    assign_routed_gradients(losses, {"group": [parameter]}, {"group": [0.25, 0.5]})
-    torch.testing.assert_close(parameter.grad, torch.tensor([52.5, 52.5]))
+def test_a_single_stream_routes_its_whole_gradient_everywhere():
+    expected = backward_gradients(two_streams(), stream=0)
+    for loss in ("combined", "dominant", "non_dominant"):
+        model = two_streams()
+        groups = {name: group for name, group in model.groups().items() if name != "critic_1"}
+        assign_routed_gradients(model.losses()[:1], groups, policy_shares(loss))
+        for name, group in groups.items():
+            for parameter, gradient in zip(group, expected[name], strict=True):
+                torch.testing.assert_close(parameter.grad, gradient, rtol=1e-6, atol=1e-8)
 
 
 def test_routing_replaces_gradients_and_forgets_those_without_a_share_or_a_path():
@@ -145,14 +138,13 @@ def test_a_lesioned_side_gets_no_gradient_unless_it_speaks_over_the_callosum(arc
     assert model.motor_network.combination_non_dominant.grad is not None
 
 
-@pytest.mark.parametrize("loss", LOSSES)
-def test_the_penalty_weighs_on_each_group_as_the_paper_says(loss):
-    assert group_penalties(loss) == PENALTIES[loss]
+def test_the_penalty_weighs_on_each_group_as_the_paper_says():
+    assert {loss: group_penalties(loss) for loss in LOSSES} == PENALTIES
 
 
 @pytest.mark.parametrize("loss", LOSSES)
-@pytest.mark.parametrize("coefficient", [0.001, 0.7])
-def test_the_penaltys_gradient_is_autograds_of_half_the_squared_weights(loss, coefficient):
+def test_the_penaltys_gradient_is_autograds_of_half_the_squared_weights(loss):
+    coefficient = 0.7
     model = two_streams().motor_network
     with torch.no_grad():
         for parameter in model.parameters():
@@ -184,7 +176,7 @@ def test_a_penalty_of_coefficient_zero_makes_no_gradient():
     assert parameter.grad is None
 
 
-@pytest.mark.parametrize("max_norm", [0.1, 0.5, 3.0, 1e6])
+@pytest.mark.parametrize("max_norm", [0.5, 1e6])
 def test_clipping_equals_torchs_on_each_group(max_norm):
     def three_groups():
         return {name: random_parameters((5, 3), 7, (), seed=i, scale=10.0 ** (i - 1)) for i, name in enumerate("abc")}
@@ -198,14 +190,6 @@ def test_clipping_equals_torchs_on_each_group(max_norm):
         after = torch.linalg.vector_norm(torch.cat([p.grad.flatten() for p in group]))
         torch.testing.assert_close(norms[name][0], before[name])
         torch.testing.assert_close(norms[name][1], after)
-
-
-def test_a_loud_group_does_not_shrink_a_quiet_one():
-    loud, quiet = random_parameters(10, scale=1e6), random_parameters(10, seed=1, scale=1e-3)
-    before = quiet[0].grad.clone()
-    clip_group_gradients({"loud": loud, "quiet": quiet}, 0.5)
-    assert torch.equal(quiet[0].grad, before)
-    assert torch.linalg.vector_norm(loud[0].grad).item() == pytest.approx(0.5, rel=1e-5)
 
 
 def test_without_a_bound_norms_are_only_measured():
@@ -246,14 +230,14 @@ def test_the_stream_of_the_combined_loss_is_the_mean_of_the_pair():
     }
 
 
-@pytest.mark.parametrize("loss", LOSSES)
-def test_every_stream_has_a_name_a_critic_and_a_share_for_each_group(loss):
-    n_streams = len(stream_mix(loss))
-    assert len(stream_names(loss)) == n_streams
-    assert set(policy_shares(loss)) == {*NETWORK_GROUPS, *(f"critic_{i}" for i in range(n_streams))}
-    for name, share in policy_shares(loss).items():
-        assert len(share) == n_streams
-        assert sum(share) == 1.0, name
+def test_every_stream_has_a_name_a_critic_and_a_share_for_each_group():
+    for loss in LOSSES:
+        n_streams = len(stream_mix(loss))
+        assert len(stream_names(loss)) == n_streams
+        assert set(policy_shares(loss)) == {*NETWORK_GROUPS, *(f"critic_{i}" for i in range(n_streams))}
+        for name, share in policy_shares(loss).items():
+            assert len(share) == n_streams
+            assert sum(share) == 1.0, name
 
 
 def test_an_unknown_loss_is_refused_naming_the_valid_ones():

@@ -23,8 +23,8 @@ def make(request):
     return lambda env, **settings: make_model(request.param, env=env, **settings)
 
 
-def arms(n_envs=4, **settings):
-    return ArmVecEnv(n_envs, trial_length=10, seed=0, **settings)
+def arms(n_envs=4):
+    return ArmVecEnv(n_envs, trial_length=10, seed=0)
 
 
 def test_evaluation_keeps_the_best_and_stops_at_a_threshold(make, tmp_path):
@@ -86,21 +86,6 @@ def test_processes():
     finally:
         env.close()
     assert model.num_timesteps == 40
-
-
-def test_an_environment_by_its_name(make):
-    model = make(ARM).learn(120)
-    mean, _ = evaluate_policy(model, model.get_env(), n_eval_episodes=2)
-    assert -2000 < mean < 0
-
-
-def test_learning_goes_on_in_another_environment(make, tmp_path):
-    model = make(arms()).learn(160)
-    model.save(tmp_path / "model")
-    loaded = type(model).load(tmp_path / "model", device="cpu")
-    loaded.set_env(arms(task="hold_position"))
-    loaded.learn(160, reset_num_timesteps=False)
-    assert loaded.num_timesteps == 320
 
 
 @pytest.mark.filterwarnings("ignore:rich is experimental")
