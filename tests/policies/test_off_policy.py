@@ -65,7 +65,7 @@ def test_td3s_policy_is_deterministic():
 
 
 @kinds
-@pytest.mark.parametrize(("n_streams", "n_critics"), [(1, 2), (2, 2), (2, 1), (3, 4)])
+@pytest.mark.parametrize(("n_streams", "n_critics"), [(1, 2), (3, 4)])
 def test_each_streams_critics_stand_together(kind, n_streams, n_critics):
     policy, obs = make_policy(kind, n_streams=n_streams, n_critics=n_critics), observations()
     actions = torch.tanh(torch.randn(32, 6))
