@@ -46,9 +46,10 @@ def test_the_time_of_trials_goes_on():
     assert all(1000 <= time < 1100 for time in times)
 
 
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
+def test_what_no_environment_can_be_in_is_refused():
+    venv = make()
+    venv.reset()
+    for name, change in (
         ("clock", lambda array: array + 7),
         ("clock", lambda array: array - 8),
         ("clock", lambda array: array.astype(np.int64)),
@@ -61,15 +62,11 @@ def test_the_time_of_trials_goes_on():
         ("generators", lambda array: array | 2),
         ("elapsed", lambda array: array - 1e9),
         ("another", lambda _: np.zeros(1)),
-    ],
-)
-def test_what_no_environment_can_be_in_is_refused(name, change):
-    venv = make()
-    venv.reset()
-    arrays = {key: array.copy() for key, array in venv.state_arrays().items()}
-    arrays[name] = change(arrays.get(name))
-    with pytest.raises(ValueError, match=name if name != "generators" else "generators"):
-        make().set_state_arrays(arrays)
+    ):
+        arrays = {key: array.copy() for key, array in venv.state_arrays().items()}
+        arrays[name] = change(arrays.get(name))
+        with pytest.raises(ValueError, match=name):
+            make().set_state_arrays(arrays)
 
 
 def test_a_missing_array_is_refused():

@@ -92,14 +92,12 @@ def test_the_environments_own_info_stays_and_is_not_written_into():
     assert set(Informed.mine) == {"forward", "effort"}
 
 
-@pytest.mark.parametrize(
-    "bad", [1.0, (1.0,), (1.0, 2.0, 3.0), (1.0, np.nan), (np.inf, 0.0), (1e300, 0.0), None, ("a", "b"), ([1], [2])]
-)
-def test_anything_but_two_finite_numbers_is_refused(bad):
+def test_anything_but_two_finite_numbers_is_refused():
     env = VectorReward(gymnasium.make("Pendulum-v1"), lambda transition: bad)
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match=re.escape(f"two finite numbers, dominant and non-dominant, got {bad!r}")):
-        env.step(env.action_space.sample())
+    for bad in (1.0, (1.0,), (1.0, 2.0, 3.0), (1.0, np.nan), (np.inf, 0.0), (1e300, 0.0), None, ("a", "b"), ([1], [2])):
+        env.reset(seed=0)
+        with pytest.raises(ValueError, match=re.escape(f"two finite numbers, dominant and non-dominant, got {bad!r}")):
+            env.step(env.action_space.sample())
 
 
 def test_several_side_by_side():
