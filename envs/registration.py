@@ -2,7 +2,9 @@
 
 from gymnasium.envs.registration import register, registry
 
-ENVIRONMENT_IDS = {"random_reach": "bilateral_rl/RandomReach-v0", "hold_position": "bilateral_rl/HoldPosition-v0"}
+from bilateral_rl.envs.task_specs import TASK_SPECS
+
+ENVIRONMENT_IDS = {task: spec.environment_id for task, spec in TASK_SPECS.items()}
 """Gymnasium's name of each task."""
 
 for _task, _id in ENVIRONMENT_IDS.items():

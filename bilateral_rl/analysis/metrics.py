@@ -19,7 +19,8 @@ from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach
+from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.io.errors import UserError
 
 _REACH, _HOLD = (RandomReach.id,), (HoldPosition.id,)
@@ -56,7 +57,7 @@ def metrics_of(task: str, radii: Sequence[float]) -> list[Metric]:
     Raises:
         UserError: the task does not exist.
     """
-    check_choice("task", task, TASKS)
+    check_choice("task", task, TASK_SPECS)
     at_radii = [metric.at(radius) for metric in _GOAL_METRICS.values() for radius in radii]
     by_name = {metric.name: metric for metric in (*at_radii, *_TRIAL_METRICS.values())}
     return [metric for metric in by_name.values() if task in metric.tasks]
@@ -96,8 +97,8 @@ def preferred_metric(task: str, radius: float) -> str:
     Raises:
         UserError: the task does not exist.
     """
-    check_choice("task", task, TASKS)
-    return metric_name({RandomReach.id: "goal_completion", HoldPosition.id: "time_in_goal"}[task], radius)
+    check_choice("task", task, TASK_SPECS)
+    return metric_name(TASK_SPECS[task].judged_by, radius)
 
 
 def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:

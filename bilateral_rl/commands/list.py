@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
+from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import find_runs
 
@@ -21,7 +22,8 @@ def list_all(out: Path, console: Console) -> None:
     for name, model in MODELS.items():
         models.add_row(name, model.architecture, model.loss, model.description)
     console.print(models)
-    for title, entries in (("Tasks", TASK_DESCRIPTIONS), ("Algorithms", ALGORITHMS)):
+    tasks = {name: spec.description for name, spec in TASK_SPECS.items()}
+    for title, entries in (("Tasks", tasks), ("Algorithms", ALGORITHMS)):
         table = Table("name", "", title=title, title_justify="left")
         for name, description in entries.items():
             table.add_row(name, description)

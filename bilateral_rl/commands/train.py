@@ -16,6 +16,7 @@ from bilateral_rl.commands.training_report import TrainingProgress, measures_tab
 from bilateral_rl.config import parse as settings
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.policies import parse_run
@@ -103,7 +104,7 @@ def _next_training(config: TrainConfig, path: str, out: str) -> str:
     if config.algo == "bptt":
         same = f"--model {config.model} --task {config.task}"
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"
-    other = "hold_position" if config.task == "random_reach" else "random_reach"
+    other = next(task for task in TASK_SPECS if task != config.task)
     return f"bilateral-rl train --model {config.model} --task {other} --out {out}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import Architecture, Loss
 
@@ -27,10 +28,6 @@ MODELS: dict[str, ModelSpec] = {
     "cc_s": ModelSpec("callosal", "specialized", "two hemispheres and a callosum, each side with its own loss"),
 }
 
-TASK_DESCRIPTIONS: dict[str, str] = {
-    "random_reach": "reach from one random posture to the hand position of another",
-    "hold_position": "keep the hand where it is against a constant load",
-}
 
 ALGORITHMS: dict[str, str] = {
     "ppo": "proximal policy optimization, a critic and an advantage for each hemisphere",
@@ -62,4 +59,4 @@ def check_names(algo: str, model: str, task: str) -> None:
     """Raise a UserError if one of the three is unknown."""
     check_choice("algorithm", algo, ALGORITHMS)
     check_choice("model", model, MODELS)
-    check_choice("task", task, TASK_DESCRIPTIONS)
+    check_choice("task", task, TASK_SPECS)

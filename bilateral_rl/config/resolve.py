@@ -11,9 +11,10 @@ from typing import Any
 import yaml
 
 from bilateral_rl.config.bounds import check
-from bilateral_rl.config.catalogue import TASK_DESCRIPTIONS, check_names
+from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge
 from bilateral_rl.config.schema import CONFIGS, TrainConfig
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 
 
@@ -52,7 +53,7 @@ def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
 def _is_of_another(layer: Mapping[str, Any], names: Mapping[str, str]) -> bool:
     """Whether ``layer`` is the whole configuration of a run, but of another algorithm or task than ``names``."""
     algo, task = str(layer.get("algo")), str(layer.get("task"))
-    if algo not in CONFIGS or task not in TASK_DESCRIPTIONS or (algo, task) == (names["algo"], names["task"]):
+    if algo not in CONFIGS or task not in TASK_SPECS or (algo, task) == (names["algo"], names["task"]):
         return False
     return isinstance(layer.get(algo), Mapping) and layer[algo].keys() >= _defaults(algo, task)[algo].keys()
 

@@ -10,11 +10,12 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, TASK_DESCRIPTIONS
+from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
 from bilateral_rl.config.parse import merge, parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
 from bilateral_rl.config.schema import CONFIGS, BPTTConfig, PPOConfig
 from bilateral_rl.envs import TASKS
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.policies import make_network
@@ -165,7 +166,7 @@ def test_reading_a_configuration_draws_no_random_numbers():
 
 
 def test_the_catalogue_describes_the_tasks_there_are():
-    assert TASK_DESCRIPTIONS.keys() == TASKS.keys()
+    assert TASK_SPECS.keys() == TASKS.keys()
 
 
 ON_POLICY = ("ppo", "a2c")

@@ -1,0 +1,36 @@
+"""The tasks there are, as plain data that can be read without anything numerical.
+
+:mod:`bilateral_rl.envs.tasks` holds what their trials are drawn from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class TaskSpec:
+    """What everything but the arm knows of a task."""
+
+    environment_id: str
+    """Name of the environment in Gymnasium."""
+    description: str
+    """What the arm is to do, for lists."""
+    judged_by: Literal["goal_completion", "time_in_goal"]
+    """The measure that says how well it is done: the share of goals completed, or the time spent in the goal."""
+
+
+TASK_SPECS: dict[str, TaskSpec] = {
+    "random_reach": TaskSpec(
+        "bilateral_rl/RandomReach-v0",
+        "reach from one random posture to the hand position of another",
+        judged_by="goal_completion",
+    ),
+    "hold_position": TaskSpec(
+        "bilateral_rl/HoldPosition-v0",
+        "keep the hand where it is against a constant load",
+        judged_by="time_in_goal",
+    ),
+}
+"""By name, as in commands and run folders (paper section 3; what the paper judges each by: section 7)."""
