@@ -163,7 +163,7 @@ def test_flags_reach_the_study(call, trained, undrawn, tmp_path):
 
 
 def test_without_retraining_nothing_is_said_of_it(call, trained, undrawn, tmp_path):
-    code, out, err = call("lesion", RUN, "--no-retrain", "--trials", 4)
+    code, out, err = call("lesion", RUN, "--no-retrain", "--trials", 4, "--lesion", "callosum")
     assert (code, err) == (0, "")
     assert {len(row) for row in rows_of_table(out)} == {2}
     assert "retrained" not in out
@@ -172,19 +172,18 @@ def test_without_retraining_nothing_is_said_of_it(call, trained, undrawn, tmp_pa
     assert all(list(values) == [0] for values in scalars(tmp_path / PLACE).values())
 
 
-def test_a_second_call_replaces_what_the_first_one_left(call, trained, undrawn, tmp_path):
-    assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
+def test_a_second_call_replaces_what_the_first_one_left_unless_the_settings_are_others(
+    call, trained, undrawn, tmp_path
+):
+    command = ("lesion", RUN, "--no-retrain", "--trials", 4, "--lesion", "callosum")
+    assert call(*command)[0] == 0
     (tmp_path / PLACE / "lesions_of_before.png").touch()
-    assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
+    assert call(*command)[0] == 0
     left = sorted(path.name for path in (tmp_path / PLACE).iterdir())
     assert len(left) == 3
     assert left[0].startswith("events.out.tfevents.")
-
-
-def test_results_of_other_settings_are_not_replaced(call, trained, undrawn, tmp_path):
-    assert call("lesion", RUN, "--no-retrain", "--trials", 4)[0] == 0
     before = (tmp_path / PLACE / "lesions.csv").read_bytes()
-    code, _, err = call("lesion", RUN, "--no-retrain", "--trials", 4, "--lesion", "callosum")
+    code, _, err = call(*command, "--lesion", "deep_dominant")
     assert code == 2
     assert "other settings" in err
     assert (tmp_path / PLACE / "lesions.csv").read_bytes() == before
@@ -236,30 +235,27 @@ def unchanged(call, tmp_path, *arguments):
     return err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["runs/none"], "no run runs/none"),
-        ([f"{RUN}:3"], "has no seed 3; it has seeds 0 to 2"),
-        ([RUN, "--lesion", "lobotomy"], "callosum_deep_non_dominant"),
-        ([RUN, "--profile", "code"], "paper, released"),
-        ([RUN, "--weights", "step_1"], "best, final"),
-        ([RUN, "--trials", "0"], "--trials must be at least 1"),
-        ([RUN, "--seed", "-1"], "--seed must be at least 0"),
-        ([RUN, "--out", RUN], "lies in the run"),
-        ([RUN, "--out", f"{RUN}/lesions"], "lies in the run"),
-        ([RUN, "--out", "runs"], "holds other things"),
-        ([RUN, "--out", f"{RUN}/config.yaml"], "lies in the run"),
-        ([RUN, "--out", "a_file"], "a_file: File exists. Choose another --out"),
-        ([RUN, "--out", "/proc/nothing"], "Choose another --out"),
-    ],
-)
-def test_a_mistake_is_one_clear_sentence_and_changes_nothing(call, trained, tmp_path, arguments, says):
+MISTAKES = [
+    (["runs/none"], "no run runs/none"),
+    ([f"{RUN}:3"], "has no seed 3; it has seeds 0 to 2"),
+    ([RUN, "--lesion", "lobotomy"], "callosum_deep_non_dominant"),
+    ([RUN, "--profile", "code"], "paper, released"),
+    ([RUN, "--weights", "step_1"], "best, final"),
+    ([RUN, "--trials", "0"], "--trials must be at least 1"),
+    ([RUN, "--seed", "-1"], "--seed must be at least 0"),
+    ([RUN, "--out", RUN], "lies in the run"),
+    ([RUN, "--out", f"{RUN}/lesions"], "lies in the run"),
+    ([RUN, "--out", "runs"], "holds other things"),
+    ([RUN, "--out", f"{RUN}/config.yaml"], "lies in the run"),
+    ([RUN, "--out", "a_file"], "a_file: File exists. Choose another --out"),
+    ([RUN, "--out", "/proc/nothing"], "Choose another --out"),
+    ([RUN, "--out", "link"], "lies in the run"),
+]
+
+
+def test_a_mistake_is_one_clear_sentence_and_changes_nothing(call, trained, tmp_path):
     (tmp_path / "a_file").touch()
-    assert says in unchanged(call, tmp_path, *arguments)
-    assert not (tmp_path / PLACE).exists()
-
-
-def test_a_link_into_the_run_is_seen_through(call, trained, tmp_path):
     (tmp_path / "link").symlink_to(trained.path / "weights")
-    assert "lies in the run" in unchanged(call, tmp_path, RUN, "--out", "link")
+    for arguments, says in MISTAKES:
+        assert says in unchanged(call, tmp_path, *arguments), arguments
+        assert not (tmp_path / PLACE).exists()

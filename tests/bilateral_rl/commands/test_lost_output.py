@@ -35,7 +35,3 @@ def test_results_are_written_although_nobody_reads_the_output(run, tmp_path):
 
 def test_a_full_device_is_told_in_a_sentence(tmp_path):
     assert full(tmp_path, "list") == ("Error: Not all could be printed: No space left on device.\n", FULL)
-
-
-def test_a_refusal_keeps_its_exit_code(tmp_path):
-    assert full(tmp_path, "evaluate", "nothing")[1] == 2

@@ -139,9 +139,8 @@ def test_errors_are_printed_as_they_are(invoke, outcomes):
     assert "Failed: random_reach/cc_s: KeyError: '[/bold] [red]'" in out
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outcomes, tmp_path):
+    for options, message in (
         (["--seeds", 0], "--seeds must be at least 1"),
         (["--jobs", 0], "--jobs must be at least 1"),
         (["--algo", "dqn"], "Unknown algorithm"),
@@ -149,11 +148,9 @@ def test_errors_are_printed_as_they_are(invoke, outcomes):
         (["--set", "model=cc_s"], "--set cannot change model"),
         (["--set", "epochs=none"], "epochs must be a whole number"),
         (["--set", "epochs"], "--set takes key=value"),
-    ],
-)
-def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outcomes, tmp_path, options, message):
-    with pytest.raises(UserError, match=message):
-        invoke("reproduce", *options)
+    ):
+        with pytest.raises(UserError, match=message):
+            invoke("reproduce", *options)
     assert not list(tmp_path.iterdir())
     assert not outcomes.calls
 

@@ -104,9 +104,8 @@ def test_interrupted_it_says_so(invoke, monkeypatch, tmp_path):
     assert "Stopped with 0 of 4 jobs done; the same command goes on." in out
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, tmp_path):
+    for options, message in (
         (["--grid", "epochs"], "--grid takes key=value,value"),
         (["--grid", "epochs=1,1"], "more than once"),
         (["--grid", "epochs=1", "--trials", 0], "--trials must be at least 1"),
@@ -115,9 +114,7 @@ def test_interrupted_it_says_so(invoke, monkeypatch, tmp_path):
         (["--grid", "epochs=1", "--metric", "time_in_goal_4cm"], "No training of the sweep is measured by time_in_g"),
         (["--grid", "epochs=1", "--metric", "hold_speed"], "No training of the sweep is measured by hold_speed"),
         (["--grid", "units=5"], "Unknown setting 'units'"),
-    ],
-)
-def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, tmp_path, options, message):
-    with pytest.raises(UserError, match=message):
-        invoke("sweep", *options)
+    ):
+        with pytest.raises(UserError, match=message):
+            invoke("sweep", *options)
     assert not list(tmp_path.iterdir())

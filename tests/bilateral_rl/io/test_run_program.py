@@ -65,6 +65,15 @@ def test_a_program_works_on_whatever_becomes_of_its_output(capsys, monkeypatch, 
     assert capsys.readouterr().err.count("\n") == (code == 1)
 
 
+def test_a_refusal_keeps_its_exit_code_whatever_becomes_of_the_output(monkeypatch):
+    def program():
+        print("lost")
+        raise UserError("No.")
+
+    monkeypatch.setattr(sys, "stdout", Failing(errno.ENOSPC))
+    assert ended(program) == 2
+
+
 def test_a_program_works_without_any_output(monkeypatch):
     monkeypatch.setattr(sys, "stdout", None)
     monkeypatch.setattr(sys, "stderr", None)
