@@ -68,12 +68,12 @@ class Trainer:
         self._loss = config.spec.loss
         self._groups = _groups(layout)
         task, settings = make_task(config.task), config.bptt
-        seeds = [config.seed + i for i in range(config.seeds)]
         self._training = stacked(
-            [training_trials(seed, settings.trials, task, config.trial) for seed in seeds], config.device
+            [training_trials(seed, settings.trials, task, config.trial) for seed in config.all_seeds], config.device
         )
         self._validation = stacked(
-            [validation_trials(seed, settings.validation_trials, task, config.trial) for seed in seeds], config.device
+            [validation_trials(seed, settings.validation_trials, task, config.trial) for seed in config.all_seeds],
+            config.device,
         )
         self._workers = Workers(config.threads if config.device == "cpu" else 1)
         self._stack: _Stack | None = None
@@ -81,7 +81,7 @@ class Trainer:
     @property
     def updates_per_epoch(self) -> int:
         """Number of updates of every seed in an epoch."""
-        return self.config.bptt.trials // self.config.bptt.batch_size
+        return self.config.updates_per_epoch
 
     @property
     def finished(self) -> bool:

@@ -73,8 +73,8 @@ def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
     for name, value in given.items():
         if value is not None and name not in allowed:
             flag = name.rpartition(".")[2].replace("_", "-")
-            flags = " and ".join(f"--{one}" for one in allowed)
-            raise UserError(f"A resumed run keeps its settings: --resume takes {flags} here, not --{flag}.")
+            flags = ", ".join(f"--{one}" for one in allowed)
+            raise UserError(f"A resumed run keeps its settings: --resume takes only {flags} here, not --{flag}.")
 
 
 def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:

@@ -94,7 +94,7 @@ class Learner(ABC):
 
     @abstractmethod
     def learn(self, watcher: Watcher) -> bool:
-        """Learn until the end; False if the watcher stopped it before.
+        """Learn until the end; False if the watcher stopped it before, or something that :meth:`notes` tells of.
 
         Raises:
             Diverged: learning cannot go on.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import _thread
 import json
 import os
+import signal
 import sys
 import threading
 import time
@@ -56,9 +57,10 @@ def main() -> int:
     # Whatever prints something goes to the error stream, and not among the messages.
     output = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    threading.Thread(target=_stop_at_the_end_of, args=(sys.stdin,), daemon=True).start()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background processes ignore it
     progress = MessageProgress(output)
     try:
+        threading.Thread(target=_stop_at_the_end_of, args=(sys.stdin,), daemon=True).start()
         outcome = train_in(RunFolder.open(Path(sys.argv[1])), progress)
     except UserError as error:
         progress.send({"error": str(error)})

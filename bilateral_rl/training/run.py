@@ -111,7 +111,7 @@ def train_in(folder: RunFolder, progress: Progress = UNWATCHED) -> Outcome:
 
 def _make_learner(config: TrainConfig, folder: RunFolder, initial: dict[int, Tensors] | None = None) -> Learner:
     if isinstance(config, BPTTConfig):
-        return SupervisedLearner(config, folder, initial)
+        return SupervisedLearner(config, initial)
     assert isinstance(config, RLConfig)
     if config.seeds > 1:
         return SideBySideLearner(config, folder)

@@ -77,7 +77,7 @@ class Session:
         """Learn until the end, or until somebody stops it.
 
         Raises:
-            UserError: the training diverged; what was saved before stays.
+            UserError: the training diverged, or did not come to its end though nobody stopped it; what was saved stays.
         """
         began = time.monotonic()
         folder, learner = self._folder, self._learner
@@ -96,6 +96,9 @@ class Session:
                 folder.write_json("status.json", self._status(FAILED))
                 raise UserError(f"{error} What was saved before is in {folder.path}.") from error
             learner.finish()
+        if not completed and not self._stop.requested:
+            again = f"bilateral-rl train --resume {shlex.quote(str(folder.path))}"
+            raise UserError(f"{' '.join(learner.notes())} What was saved goes on with `{again}`.")
         seconds = time.monotonic() - began
         stopped_by = None if completed else self._stop.signal
         return Outcome(folder, learner.done, stopped_by, seconds, learner.policies(), learner.notes())

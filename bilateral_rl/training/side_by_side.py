@@ -51,7 +51,7 @@ class SideBySideLearner(Learner):
 
     def __init__(self, config: RLConfig, folder: RunFolder) -> None:
         self._config, self._folder = config, folder
-        self.checkpoint_every = config.total + 1
+        self.checkpoint_every = config.evaluation.checkpoint_every
         self._done = dict.fromkeys(config.all_seeds, 0)
         self._notes: dict[int, list[str]] = {}
         self._evaluations: list[dict[str, float]] = []
@@ -88,7 +88,7 @@ class SideBySideLearner(Learner):
         return {"timesteps": max(self._done.values()), "seeds": seeds}
 
     def weights(self, moment: Moment) -> dict[str, Tensors]:
-        """Return what every seed has come to; nothing as long as one of them has not begun."""
+        """Return what every seed has come to at the end; nothing before it, or if one of them has no weights yet."""
         return {name: stacked for name in (FINAL, BEST) if moment == "end" and (stacked := self._stacked(name))}
 
     def best(self) -> Tensors:
@@ -124,7 +124,7 @@ class SideBySideLearner(Learner):
                 with contextlib.suppress(queue.Empty):
                     seed, message = events.get(timeout=_WAIT)
                     if message is None:
-                        self._end(seed, running.pop(seed))
+                        self._end(seed, running.pop(seed), is_asked=not goes_on)
                     else:
                         self._hear(seed, message, watcher)
                 if goes_on and not watcher.step(self.done):
@@ -136,7 +136,7 @@ class SideBySideLearner(Learner):
                 process.kill()
         if all(self._child_status(seed).get("state") == FAILED for seed in self._done):
             raise Diverged(" ".join(self.notes()))
-        return goes_on
+        return all(self._is_over(seed) for seed in self._done)
 
     def evaluate(self) -> tuple[dict[str, float], bool]:
         """Pass on what one of the seeds has measured, and keep its best to itself."""
@@ -169,14 +169,17 @@ class SideBySideLearner(Learner):
         if "error" in message:
             self._notes[seed].append(f"Seed {seed} failed: {message['error']}")
 
-    def _end(self, seed: int, process: _SeedProcess) -> None:
-        if process.code < 0 or process.code == 1:  # killed, or a fault of the program, which it has printed
-            self._notes.setdefault(seed, []).append(
-                f"Seed {seed} ended with exit code {process.code}; `bilateral-rl train --resume` goes on with it."
-            )
+    def _end(self, seed: int, process: _SeedProcess, is_asked: bool) -> None:
+        code, notes = process.code, self._notes.setdefault(seed, [])
+        if not (self._is_over(seed) or is_asked or notes):  # killed, or a fault of the program, which it has printed
+            notes.append(f"The process of seed {seed} ended early, with exit code {code}.")
 
     def _is_finished(self, seed: int) -> bool:
         return self._done[seed] >= self._config.timesteps and self._child_status(seed).get("state") == FINISHED
+
+    def _is_over(self, seed: int) -> bool:
+        """Whether nothing is left to do for a seed: one that diverged keeps its last weights, as in supervised runs."""
+        return self._is_finished(seed) or self._child_status(seed).get("state") == FAILED
 
     def _child(self, seed: int) -> RunFolder:
         return RunFolder(self._folder.path / f"seed_{seed}")

@@ -34,11 +34,10 @@ class SupervisedLearner(Learner):
 
     Args:
         config: of the training.
-        folder: where logs go.
         initial: ``state_dict()`` of the network that each seed begins with; None for fresh ones.
     """
 
-    def __init__(self, config: BPTTConfig, folder: RunFolder, initial: dict[int, Tensors] | None = None) -> None:
+    def __init__(self, config: BPTTConfig, initial: dict[int, Tensors] | None = None) -> None:
         self._config = config
         self._seeds = config.all_seeds
         self.evaluation_every = self.checkpoint_every = config.updates_per_epoch

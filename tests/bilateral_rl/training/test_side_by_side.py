@@ -3,6 +3,8 @@
 import os
 import shutil
 import signal
+import subprocess
+import sys
 import time
 
 import pandas as pd
@@ -14,6 +16,7 @@ from supervised_runs import Watch, with_values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder, find_runs
 from bilateral_rl.runs.policies import load_policies, network_states
+from bilateral_rl.training import side_by_side
 from bilateral_rl.training.run import resume, train
 
 SEEDS = [0, 1]
@@ -116,6 +119,68 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
     for seed in SEEDS:
         assert differences(child(folder, seed), child(watched[0].folder, seed)) == []
     assert folder.status() == watched[0].folder.status()
+
+
+class Assassin(Watch):
+    """Kills the process of the first seed as soon as that has learned something, and reads the run at times."""
+
+    def __init__(self, processes, out):
+        super().__init__()
+        self._processes, self._out = processes, out
+        self.statuses = []
+
+    def on_step(self, done):
+        super().on_step(done)
+        if done:
+            self._processes[0].kill()
+
+    def on_evaluation(self, done, measures):
+        super().on_evaluation(done, measures)
+        self.statuses += [folder.status() for folder in find_runs(self._out)]
+
+
+@pytest.fixture
+def processes(monkeypatch):
+    """The processes of the seeds, in the order in which they start."""
+    begun, popen = [], subprocess.Popen
+
+    def start(*arguments, **options):
+        process = popen(*arguments, **options)
+        begun.extend([process] if "bilateral_rl.training.one_seed" in arguments[0] else [])
+        return process
+
+    monkeypatch.setattr(side_by_side.subprocess, "Popen", start)
+    return begun
+
+
+def test_a_training_is_not_finished_if_the_process_of_a_seed_ends_early(config, tmp_path, processes):
+    longer = with_values(config, timesteps=32_000, evaluation={"every": 8_000, "checkpoint_every": 8_000})
+    watch = Assassin(processes, tmp_path)
+    with pytest.raises(UserError, match=r"seed 0 ended early, with exit code .*train --resume \S*cc_s-ppo-1"):
+        train(longer, tmp_path, watch)
+    (folder,) = find_runs(tmp_path)
+    status = folder.status()
+    assert (status["state"], status["seeds"][1]["state"]) == ("interrupted", "finished")
+    assert any(status["state"] == "running" and status["timesteps"] for status in watch.statuses)  # for `list`
+    resume(folder, longer)
+    assert [entry["timesteps"] for entry in folder.status()["seeds"]] == [32_000, 32_000]
+
+
+def test_the_process_of_a_seed_stops_where_interrupts_were_ignored_when_it_began(config, tmp_path):
+    """A shell starts what it puts into the background that way, and the end of the training would be missed."""
+    folder = RunFolder(tmp_path)
+    folder.begin(with_values(config, seeds=1, timesteps=10**9))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bilateral_rl.training.one_seed", tmp_path],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )
+    try:
+        assert process.wait(TIMEOUT) in (0, 130)
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_a_training_that_diverges_in_every_seed_is_one_error_that_names_them(config, tmp_path):
