@@ -64,7 +64,8 @@ class TrainingProgress(progress.Progress):
         goal = f"goal {measures['goal_completion_percent']:.0f} %"
         where = f"{done:>12,} steps"
         if "seed" in measures:  # one of several trainings side by side
-            where, goal = f"seed {measures['seed']:.0f}, {where} in all", f"seed {measures['seed']:.0f}: {goal}"
+            where = f"{where} of all seeds, seed {measures['seed']:.0f}"
+            goal = f"seed {measures['seed']:.0f}, {goal}" if self._draws else goal
         if "epoch" in measures:
             training = f"{measures['seeds_training']:.0f} of {self._config.seeds} seeds training"
             where = f"epoch {measures['epoch']:>3.0f}, {training}, validation loss {measures['validation_loss']:.3f}"

@@ -114,7 +114,7 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
     assert "1,600 steps of 8 arms, seeds 0 to 1 side by side" in " ".join(text.split())
     code, text = finished("train", "--resume", path, output=output)
     assert code == 0, text
-    assert "seed 1, " in text
+    assert "steps of all seeds, seed 1: goal" in text
     assert "mean ± standard deviation over 2 seeds" in " ".join(text.split())
     for seed in SEEDS:
         assert differences(child(folder, seed), child(watched[0].folder, seed)) == []
