@@ -67,12 +67,12 @@ def test_the_path_is_measured_against_the_distance_of_the_target():
     assert path_length_ratio(HAND, TARGET) == pytest.approx((1 + 5 + 4) / 10)
 
 
-@pytest.mark.parametrize("share", [0.5, 1.0, 1.5])
-def test_a_straight_path_has_the_ratio_of_the_way_that_it_goes(share):
-    hand = np.linspace(0, share, 11)[None, :, None] * TARGET
-    assert path_length_ratio(hand, TARGET) == pytest.approx(share)
-    assert perpendicular_deviation(hand, TARGET) == pytest.approx(0, abs=1e-12)
-    assert initial_direction_error(hand, TARGET) == pytest.approx(0, abs=1e-7)
+def test_a_straight_path_has_the_ratio_of_the_way_that_it_goes():
+    for share in (0.5, 1.0, 1.5):
+        hand = np.linspace(0, share, 11)[None, :, None] * TARGET
+        assert path_length_ratio(hand, TARGET) == pytest.approx(share)
+        assert perpendicular_deviation(hand, TARGET) == pytest.approx(0, abs=1e-12)
+        assert initial_direction_error(hand, TARGET) == pytest.approx(0, abs=1e-7)
 
 
 def test_a_half_circle_is_half_pi_times_as_long_and_deviates_by_its_radius():
@@ -94,12 +94,12 @@ def test_the_initial_direction_is_the_hands_after_its_fastest_step():
     assert initial_direction_error(HAND, TARGET) == pytest.approx(np.pi / 4 - np.arctan(3 / 4))
 
 
-@pytest.mark.parametrize("degrees", [-180, -120, -30, 0, 60, 180])
-def test_direction_errors_have_no_sign_and_reach_half_a_turn(degrees):
-    direction = np.radians(degrees)
-    hand = np.array([[[0.2, 0.1], [0.2 + np.cos(direction), 0.1 + np.sin(direction)]]])
-    error = initial_direction_error(hand, np.array([[3.2, 0.1]]))
-    assert np.degrees(error[0]) == pytest.approx(abs(degrees))
+def test_direction_errors_have_no_sign_and_reach_half_a_turn():
+    for degrees in (-180, -120, -30, 0, 60, 180):
+        direction = np.radians(degrees)
+        hand = np.array([[[0.2, 0.1], [0.2 + np.cos(direction), 0.1 + np.sin(direction)]]])
+        error = initial_direction_error(hand, np.array([[3.2, 0.1]]))
+        assert np.degrees(error[0]) == pytest.approx(abs(degrees))
 
 
 def test_final_errors_point_from_the_target_to_the_hand():
@@ -144,35 +144,32 @@ def test_effort_scaled_by_force_weighs_strong_muscles_more():
     np.testing.assert_allclose(force_effort(excitation, (7, 7), 0.1), effort(excitation, 0.1))
 
 
-@pytest.mark.parametrize("measure", [*PATHS, rms_error, end_point_variability])
-def test_where_the_arm_stands_makes_no_difference(measure):
-    hand, target = random_trials()
-    np.testing.assert_allclose(measure(rotated_and_moved(hand), rotated_and_moved(target)), measure(hand, target))
+def test_where_the_arm_stands_makes_no_difference():
+    for measure in (*PATHS, rms_error, end_point_variability):
+        hand, target = random_trials()
+        np.testing.assert_allclose(measure(rotated_and_moved(hand), rotated_and_moved(target)), measure(hand, target))
 
 
-@pytest.mark.parametrize(
-    ("measure", "factor"),
-    [
+def test_lengths_grow_with_the_arm_and_shapes_do_not():
+    for measure, factor in (
         (path_length_ratio, 1),
         (perpendicular_deviation, 3),
         (initial_direction_error, 1),
         (rms_error, 3),
         (end_point_variability, 3),
-    ],
-)
-def test_lengths_grow_with_the_arm_and_shapes_do_not(measure, factor):
-    hand, target = random_trials()
-    np.testing.assert_allclose(measure(3 * hand, 3 * target), factor * measure(hand, target))
+    ):
+        hand, target = random_trials()
+        np.testing.assert_allclose(measure(3 * hand, 3 * target), factor * measure(hand, target))
 
 
-@pytest.mark.parametrize("measure", PATHS)
-@pytest.mark.parametrize("offset", [0, 1e-7])
-def test_a_trial_that_starts_on_its_target_has_no_path_measure_and_leaves_the_others_alone(measure, offset):
-    hand, target = random_trials(3)
-    expected = measure(hand, target)
-    target[1] = hand[1, 0] + offset
-    expected[1] = np.nan
-    np.testing.assert_array_equal(measure(hand, target), expected)
+def test_a_trial_that_starts_on_its_target_has_no_path_measure_and_leaves_the_others_alone():
+    for measure in PATHS:
+        for offset in (0, 1e-7):
+            hand, target = random_trials(3)
+            expected = measure(hand, target)
+            target[1] = hand[1, 0] + offset
+            expected[1] = np.nan
+            np.testing.assert_array_equal(measure(hand, target), expected)
 
 
 def test_a_hand_that_never_moves_has_no_direction_and_no_peak():

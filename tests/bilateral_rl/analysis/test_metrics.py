@@ -62,9 +62,8 @@ def value(record, name):
     return find_metric(name).value(record)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
+def test_values_are_means_over_the_trials_that_have_one_in_peoples_units(record):
+    for name, expected in (
         ("goal_completion_5cm", 100 * 2 / 3),
         ("goal_completion_0.5cm", 100 / 3),
         ("speed_to_goal_5cm", (30 / 10 + 0 / 1) / 2),
@@ -80,10 +79,8 @@ def value(record, name):
         ("effort", 6 * 0.25 * 0.5),
         ("return_dominant", (0 + 2 + 4) / 3),
         ("return_non_dominant", (1 + 3 + 5) / 3),
-    ],
-)
-def test_values_are_means_over_the_trials_that_have_one_in_peoples_units(record, name, expected):
-    assert value(record, name) == pytest.approx(expected, rel=1e-5, abs=1e-9)
+    ):
+        assert value(record, name) == pytest.approx(expected, rel=1e-5, abs=1e-9)
 
 
 def test_end_point_variability_is_in_centimeters(record):
@@ -162,21 +159,21 @@ def test_metrics_without_a_goal_are_named_alike_at_every_radius():
     assert metric_name("effort", 0.05) == "effort"
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_every_metric_of_a_task_is_found_by_its_name_and_measures_the_same(task, random_record):
-    metrics = metrics_of(task, RADII)
-    found = [find_metric(metric.name) for metric in metrics]
-    for one, other in zip(metrics, found, strict=True):
-        assert (one.name, one.label, one.unit, one.tasks) == (other.name, other.label, other.unit, other.tasks)
-    assert measure(random_record, metrics) == pytest.approx(measure(random_record, found), nan_ok=True)
-    assert list(measure(random_record, metrics)) == [metric.name for metric in metrics]
+def test_every_metric_of_a_task_is_found_by_its_name_and_measures_the_same(random_record):
+    for task in TASKS:
+        metrics = metrics_of(task, RADII)
+        found = [find_metric(metric.name) for metric in metrics]
+        for one, other in zip(metrics, found, strict=True):
+            assert (one.name, one.label, one.unit, one.tasks) == (other.name, other.label, other.unit, other.tasks)
+        assert measure(random_record, metrics) == pytest.approx(measure(random_record, found), nan_ok=True)
+        assert list(measure(random_record, metrics)) == [metric.name for metric in metrics]
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_what_a_task_is_judged_by_is_a_metric_of_it_and_higher_is_better(task):
-    preferred = find_metric(preferred_metric(task, 0.045))
-    assert preferred.name in {metric.name for metric in metrics_of(task, RADII)}
-    assert preferred.better == "higher"
+def test_what_a_task_is_judged_by_is_a_metric_of_it_and_higher_is_better():
+    for task in TASKS:
+        preferred = find_metric(preferred_metric(task, 0.045))
+        assert preferred.name in {metric.name for metric in metrics_of(task, RADII)}
+        assert preferred.better == "higher"
 
 
 def test_reaches_are_judged_by_completion_and_holds_by_time():
@@ -184,23 +181,26 @@ def test_reaches_are_judged_by_completion_and_holds_by_time():
     assert preferred_metric("hold_position", 0.045) == "time_in_goal_4.5cm"
 
 
-@pytest.mark.parametrize(
-    ("radius", "name"),
-    [(0.05, "5cm"), (0.045, "4.5cm"), (0.03, "3cm"), (0.07, "7cm"), (0.1, "10cm"), (0.0125, "1.25cm")],
-)
-def test_radii_are_spelled_in_centimeters(radius, name):
-    assert metric_name("time_in_goal", radius) == f"time_in_goal_{name}"
-    distance = np.float64(radius)
-    hand = np.zeros((1, STEPS + 1, 2))
-    record = make_record(hand, [[100 * distance - 0.01, 0]])
-    assert value(record, f"time_in_goal_{name}") == STEPS
-    record = make_record(hand, [[100 * distance + 0.01, 0]])
-    assert value(record, f"time_in_goal_{name}") == 0
+def test_radii_are_spelled_in_centimeters():
+    for radius, name in (
+        (0.05, "5cm"),
+        (0.045, "4.5cm"),
+        (0.03, "3cm"),
+        (0.07, "7cm"),
+        (0.1, "10cm"),
+        (0.0125, "1.25cm"),
+    ):
+        assert metric_name("time_in_goal", radius) == f"time_in_goal_{name}"
+        distance = np.float64(radius)
+        hand = np.zeros((1, STEPS + 1, 2))
+        record = make_record(hand, [[100 * distance - 0.01, 0]])
+        assert value(record, f"time_in_goal_{name}") == STEPS
+        record = make_record(hand, [[100 * distance + 0.01, 0]])
+        assert value(record, f"time_in_goal_{name}") == 0
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
+def test_an_unknown_metric_is_refused_with_those_there_are():
+    for name in (
         "speed",
         "goal_completion",
         "goal_completion_cm",
@@ -209,14 +209,12 @@ def test_radii_are_spelled_in_centimeters(radius, name):
         "final_error_5cm",
         "sparc_5cm",
         "",
-    ],
-)
-def test_an_unknown_metric_is_refused_with_those_there_are(name):
-    with pytest.raises(UserError, match=f"'{name}'.*path_length_ratio.*time_in_goal_<radius>cm"):
-        find_metric(name)
+    ):
+        with pytest.raises(UserError, match=f"'{name}'.*path_length_ratio.*time_in_goal_<radius>cm"):
+            find_metric(name)
 
 
-@pytest.mark.parametrize("ask", [lambda task: metrics_of(task, [0.05]), lambda task: preferred_metric(task, 0.05)])
-def test_an_unknown_task_is_refused_with_those_there_are(ask):
-    with pytest.raises(UserError, match=r"'juggle'.*random_reach.*hold_position"):
-        ask("juggle")
+def test_an_unknown_task_is_refused_with_those_there_are():
+    for ask in (lambda task: metrics_of(task, [0.05]), lambda task: preferred_metric(task, 0.05)):
+        with pytest.raises(UserError, match=r"'juggle'.*random_reach.*hold_position"):
+            ask("juggle")

@@ -1,7 +1,5 @@
 """From intervals and p-values to verdicts."""
 
-import pytest
-
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.claims.rules import all_of, is_greater, is_not_conclusively_greater, is_within
 
@@ -12,9 +10,8 @@ def interval(value, low, high, n=10):
     return Interval(value, low, high, n)
 
 
-@pytest.mark.parametrize(
-    ("difference", "p", "verdict"),
-    [
+def test_greater():
+    for difference, p, verdict in (
         (interval(3, 2, 4), 0.01, "supported"),
         (interval(-3, -4, -2), 0.01, "not supported"),
         (interval(3, -1, 7), 0.2, "undecided"),
@@ -25,15 +22,12 @@ def interval(value, low, high, n=10):
         (interval(3, NAN, NAN, n=1), NAN, "undecided"),
         (interval(0, 0, 0), NAN, "not supported"),  # all values equal
         (interval(3, 3, 3), NAN, "undecided"),
-    ],
-)
-def test_greater(difference, p, verdict):
-    assert is_greater(difference, p, matters=1.0) == verdict
+    ):
+        assert is_greater(difference, p, matters=1.0) == verdict
 
 
-@pytest.mark.parametrize(
-    ("difference", "p", "verdict"),
-    [
+def test_not_conclusively_greater():
+    for difference, p, verdict in (
         (interval(3, 2, 4), 0.01, "not supported"),
         (interval(-3, -4, -2), 0.01, "supported"),
         (interval(3, -1, 7), 0.2, "supported"),  # as many seeds as the paper's do not show it
@@ -42,15 +36,12 @@ def test_greater(difference, p, verdict):
         (interval(3, NAN, NAN, n=1), NAN, "undecided"),
         (interval(3, 3, 3), NAN, "undecided"),
         (interval(0, 0, 0, n=3), NAN, "supported"),
-    ],
-)
-def test_not_conclusively_greater(difference, p, verdict):
-    assert is_not_conclusively_greater(difference, p, matters=1.0) == verdict
+    ):
+        assert is_not_conclusively_greater(difference, p, matters=1.0) == verdict
 
 
-@pytest.mark.parametrize(
-    ("estimate", "verdict"),
-    [
+def test_within():
+    for estimate, verdict in (
         (interval(1.2, 1.1, 1.3), "supported"),
         (interval(1.2, 1.0, 1.4), "supported"),
         (interval(1.2, 0.9, 1.3), "undecided"),
@@ -60,10 +51,8 @@ def test_not_conclusively_greater(difference, p, verdict):
         (interval(1.5, 1.41, 1.6), "not supported"),
         (interval(1.2, -INF, INF), "undecided"),
         (interval(1.2, NAN, NAN, n=1), "undecided"),
-    ],
-)
-def test_within(estimate, verdict):
-    assert is_within(estimate, 1.0, 1.4) == verdict
+    ):
+        assert is_within(estimate, 1.0, 1.4) == verdict
 
 
 def test_one_sided_ranges():

@@ -15,24 +15,23 @@ LARGE = {
 }
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_what_a_large_laboratory_might_do_is_allowed(algo):
-    of_rl = {"n_envs": 10_000, "evaluation": {"trials": 10_000}, "network": {"critic_arch": [1_000, 1_000]}}
-    own = {
-        "ppo": {"n_envs": 10_000, "ppo": {"n_steps": 500}},
-        "a2c": of_rl,
-        "sac": of_rl | {"sac": {"buffer_size": 5_000_000}},
-        "td3": of_rl | {"td3": {"buffer_size": 5_000_000}},
-        "bptt": {"seeds": 20, "bptt": {"trials": 64_000}, "trial": {"sensory_noise": 0.0, "feedback_delay": 0}},
-    }
-    if algo == "bptt":
-        own["bptt"]["network"] = {"units": 100}
-    assert resolve(algo, None, [LARGE, own[algo]]).algo == algo
+def test_what_a_large_laboratory_might_do_is_allowed():
+    for algo in ALGORITHMS:
+        of_rl = {"n_envs": 10_000, "evaluation": {"trials": 10_000}, "network": {"critic_arch": [1_000, 1_000]}}
+        own = {
+            "ppo": {"n_envs": 10_000, "ppo": {"n_steps": 500}},
+            "a2c": of_rl,
+            "sac": of_rl | {"sac": {"buffer_size": 5_000_000}},
+            "td3": of_rl | {"td3": {"buffer_size": 5_000_000}},
+            "bptt": {"seeds": 20, "bptt": {"trials": 64_000}, "trial": {"sensory_noise": 0.0, "feedback_delay": 0}},
+        }
+        if algo == "bptt":
+            own["bptt"]["network"] = {"units": 100}
+        assert resolve(algo, None, [LARGE, own[algo]]).algo == algo
 
 
-@pytest.mark.parametrize(
-    ("algo", "values", "name"),
-    [
+def test_what_would_fill_the_memory_is_refused_by_its_name():
+    for algo, values, name in (
         ("ppo", {"trial": {"trial_length": 20_000}}, "trial.trial_length"),
         ("ppo", {"trial": {"feedback_delay": 20_000}}, "trial.feedback_delay"),
         ("ppo", {"network": {"layers": 200}}, "network.layers"),
@@ -52,19 +51,17 @@ def test_what_a_large_laboratory_might_do_is_allowed(algo):
         ("bptt", {"seeds": 1000, "network": {"units": 2_000}}, "seeds and network"),
         ("ppo", {"trial": {"arm": {"timestep": 1e-300}}}, "trial.arm.timestep"),
         ("ppo", {"trial": {"max_load": 1e300}}, "trial.max_load"),
-    ],
-)
-def test_what_would_fill_the_memory_is_refused_by_its_name(algo, values, name):
-    with pytest.raises(UserError, match=name):
-        resolve(algo, None, [values])
+    ):
+        with pytest.raises(UserError, match=name):
+            resolve(algo, None, [values])
 
 
-@pytest.mark.parametrize("threshold", [1e-9, 1e-7, 0.0005, 0.05 / 3, 0.05000001, 9.99999, 1e6])
-def test_every_radius_that_is_allowed_has_metrics_that_are_found_by_name(threshold):
-    radius = resolve(None, None, [{"trial": {"threshold": threshold}}]).trial.threshold
-    names = [metric.name for metric in metrics_of("random_reach", [0.02, 0.03, 0.05, radius])]
-    assert len(set(names)) == len(names)
-    assert [find_metric(name).name for name in names] == names
+def test_every_radius_that_is_allowed_has_metrics_that_are_found_by_name():
+    for threshold in (1e-9, 1e-7, 0.0005, 0.05 / 3, 0.05000001, 9.99999, 1e6):
+        radius = resolve(None, None, [{"trial": {"threshold": threshold}}]).trial.threshold
+        names = [metric.name for metric in metrics_of("random_reach", [0.02, 0.03, 0.05, radius])]
+        assert len(set(names)) == len(names)
+        assert [find_metric(name).name for name in names] == names
 
 
 def whole_numbers(values, path=()):
@@ -91,15 +88,15 @@ def smallest(algo, path, arms):
     return values | steps | {"n_envs": arms, "evaluation": {"trials": 1}}
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_no_refusal_advises_what_is_refused_in_turn(algo):
-    for path in whole_numbers(resolve(algo, None, model="uni_b").to_values()):
-        for value, bound, arms in ((-1, "least", 2), (10**16, "most", 1)):
-            base = smallest(algo, path, arms)
-            with pytest.raises(
-                UserError, match=rf"^{re.escape('.'.join(path))} must be at {bound} [\d,]+, got"
-            ) as error:
-                resolve(algo, None, [base, at(path, value)], model="uni_b")
-            advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
-            if path != ("trial", "feedback_delay") or algo != "bptt":  # which takes none
-                resolve(algo, None, [base, at(path, advised)], model="uni_b")
+def test_no_refusal_advises_what_is_refused_in_turn():
+    for algo in ALGORITHMS:
+        for path in whole_numbers(resolve(algo, None, model="uni_b").to_values()):
+            for value, bound, arms in ((-1, "least", 2), (10**16, "most", 1)):
+                base = smallest(algo, path, arms)
+                with pytest.raises(
+                    UserError, match=rf"^{re.escape('.'.join(path))} must be at {bound} [\d,]+, got"
+                ) as error:
+                    resolve(algo, None, [base, at(path, value)], model="uni_b")
+                advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
+                if path != ("trial", "feedback_delay") or algo != "bptt":  # which takes none
+                    resolve(algo, None, [base, at(path, advised)], model="uni_b")

@@ -21,12 +21,12 @@ from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.policies import make_network
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_every_algorithm_task_and_model_has_working_defaults(algo):
-    for task, model in itertools.product(TASKS, MODELS):
-        config = resolve(algo, task, model=model)
-        assert (config.algo, config.task, config.model, config.spec) == (algo, task, model, MODELS[model])
-        assert (config.seeds, config.all_seeds) == (1, [0])
+def test_every_algorithm_task_and_model_has_working_defaults():
+    for algo in ALGORITHMS:
+        for task, model in itertools.product(TASKS, MODELS):
+            config = resolve(algo, task, model=model)
+            assert (config.algo, config.task, config.model, config.spec) == (algo, task, model, MODELS[model])
+            assert (config.seeds, config.all_seeds) == (1, [0])
 
 
 def test_a_configuration_says_what_it_counts_and_up_to_where():
@@ -35,13 +35,13 @@ def test_a_configuration_says_what_it_counts_and_up_to_where():
     assert (supervised.total, supervised.unit) == (300, "updates")
 
 
-@pytest.mark.parametrize(("algo", "threads"), [("ppo", 1), ("td3", 1), ("bptt", 0)])
-def test_seeds_and_threads_are_settings_of_every_algorithm(algo, threads):
-    config = resolve(algo, None, [{"seed": 7, "seeds": 3}])
-    assert (config.all_seeds, config.threads) == ([7, 8, 9], threads)
-    assert resolve(algo, None, [{"threads": 2}]).threads == 2
-    with pytest.raises(UserError, match=r"The last seed, .* at most 4,294,967,295"):
-        resolve(algo, None, [{"seed": 2**32 - 2, "seeds": 3}])
+def test_seeds_and_threads_are_settings_of_every_algorithm():
+    for algo, threads in (("ppo", 1), ("td3", 1), ("bptt", 0)):
+        config = resolve(algo, None, [{"seed": 7, "seeds": 3}])
+        assert (config.all_seeds, config.threads) == ([7, 8, 9], threads)
+        assert resolve(algo, None, [{"threads": 2}]).threads == 2
+        with pytest.raises(UserError, match=r"The last seed, .* at most 4,294,967,295"):
+            resolve(algo, None, [{"seed": 2**32 - 2, "seeds": 3}])
 
 
 def test_the_bare_command_trains_the_callosal_specialized_model_to_reach_with_ppo():
@@ -72,14 +72,14 @@ def test_tuned_defaults_are_for_algorithms_and_tasks_that_exist():
             assert set(values) <= {f.name for f in dataclasses.fields(CONFIGS[algo])}
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_a_configuration_survives_yaml_and_json(tmp_path, algo):
-    values = {"seeds": 3, "init_from": "a:1", "trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}
-    values |= {"profile": "released", "bptt": {"epsilon": 1e-8, "penalty": "activity"}} if algo == "bptt" else {}
-    config = resolve(algo, "hold_position", [values])
-    for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
-        (tmp_path / name).write_text(text)
-        assert resolve(None, None, [read_settings(tmp_path / name)]) == config
+def test_a_configuration_survives_yaml_and_json(tmp_path):
+    for algo in ALGORITHMS:
+        values = {"seeds": 3, "init_from": "a:1", "trial": {"threshold": 0.02, "arm": {"link_length": [0.3, 0.31]}}}
+        values |= {"profile": "released", "bptt": {"epsilon": 1e-8, "penalty": "activity"}} if algo == "bptt" else {}
+        config = resolve(algo, "hold_position", [values])
+        for name, text in (("c.yaml", yaml.safe_dump(config.to_values())), ("c.json", json.dumps(config.to_values()))):
+            (tmp_path / name).write_text(text)
+            assert resolve(None, None, [read_settings(tmp_path / name)]) == config
 
 
 def test_overrides_are_read_as_numbers_words_and_lists():
@@ -93,9 +93,8 @@ def test_exponents_without_a_point_are_numbers():
     assert resolve(None, None, [parse_overrides(["ppo.learning_rate=1e-3", "timesteps=1e6"])]).timesteps == 1_000_000
 
 
-@pytest.mark.parametrize(
-    ("values", "sentence"),
-    [
+def test_what_cannot_work_is_refused_in_one_sentence():
+    for values, sentence in (
         ({"model": "cc"}, "Unknown model 'cc'; choose from uni_b, uni_dl"),
         ({"task": "reach"}, "Unknown task 'reach'; choose from random_reach"),
         ({"algo": "dqn"}, "Unknown algorithm 'dqn'; choose from ppo"),
@@ -131,32 +130,30 @@ def test_exponents_without_a_point_are_numbers():
         ({"trial": {"arm": {"joint_lower_limit": [0, 3]}}}, "trial.arm.joint_lower_limit must be below joint_upper_"),
         ({"evaluation": {"trials": 0}}, "evaluation.trials must be at least 1, got 0."),
         ({"evaluation": {"seed": -1}}, "evaluation.seed must be at least 0, got -1."),
-    ],
-)
-def test_what_cannot_work_is_refused_in_one_sentence(values, sentence):
-    with pytest.raises(UserError, match=f"^{re.escape(sentence)}"):
-        resolve(None, None, [values])
+    ):
+        with pytest.raises(UserError, match=f"^{re.escape(sentence)}"):
+            resolve(None, None, [values])
 
 
-@pytest.mark.parametrize("device", ["tpu", "cuda:", "cuda:99x", "cuda:-1", "cudax", "cuda:1000", "CPU", ""])
-def test_a_device_is_the_cpu_or_a_gpu_by_its_number(device):
-    with pytest.raises(UserError, match=r"device must be cpu, cuda or, for one of several, cuda:0"):
-        resolve(None, None, [{"device": device}])
-    for good in ("cpu", "cuda", "cuda:7"):
-        assert resolve(None, None, [{"device": good}]).device == good
+def test_a_device_is_the_cpu_or_a_gpu_by_its_number():
+    for device in ("tpu", "cuda:", "cuda:99x", "cuda:-1", "cudax", "cuda:1000", "CPU", ""):
+        with pytest.raises(UserError, match=r"device must be cpu, cuda or, for one of several, cuda:0"):
+            resolve(None, None, [{"device": device}])
+        for good in ("cpu", "cuda", "cuda:7"):
+            assert resolve(None, None, [{"device": good}]).device == good
 
 
-@pytest.mark.parametrize("model", ["uni_b", "bi_s", "cc_s"])
-def test_exactly_the_networks_that_cannot_be_built_are_refused(model):
-    for units, layers in itertools.product(range(-1, 7), range(-1, 4)):
-        values = {"network": {"units": units, "layers": layers}}
-        try:
-            make_network(MODELS[model].architecture, 16, 6, units, layers)
-        except ValueError:
-            with pytest.raises(UserError, match=r"units|layers"):
-                resolve(None, None, [values], model=model)
-        else:
-            assert resolve(None, None, [values], model=model).network.units == units
+def test_exactly_the_networks_that_cannot_be_built_are_refused():
+    for model in ("uni_b", "bi_s", "cc_s"):
+        for units, layers in itertools.product(range(-1, 7), range(-1, 4)):
+            values = {"network": {"units": units, "layers": layers}}
+            try:
+                make_network(MODELS[model].architecture, 16, 6, units, layers)
+            except ValueError:
+                with pytest.raises(UserError, match=r"units|layers"):
+                    resolve(None, None, [values], model=model)
+            else:
+                assert resolve(None, None, [values], model=model).network.units == units
 
 
 def test_reading_a_configuration_draws_no_random_numbers():
@@ -206,12 +203,12 @@ BAD_HYPERPARAMETERS = [
 ]
 
 
-@pytest.mark.parametrize("algo", [*ON_POLICY, *OFF_POLICY])
-def test_a_hyperparameter_that_cannot_work_is_refused_by_name(algo):
-    for algos, name, values in BAD_HYPERPARAMETERS:
-        for value in values if algo in algos else ():
-            with pytest.raises(UserError, match=rf"^{algo}\.{name} must be "):
-                resolve(algo, None, [{algo: {name: value}}])
+def test_a_hyperparameter_that_cannot_work_is_refused_by_name():
+    for algo in (*ON_POLICY, *OFF_POLICY):
+        for algos, name, values in BAD_HYPERPARAMETERS:
+            for value in values if algo in algos else ():
+                with pytest.raises(UserError, match=rf"^{algo}\.{name} must be "):
+                    resolve(algo, None, [{algo: {name: value}}])
 
 
 def test_every_hyperparameter_has_values_that_are_refused():
@@ -221,27 +218,27 @@ def test_every_hyperparameter_has_values_that_are_refused():
     assert covered == fields
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_the_settings_of_another_algorithm_are_refused(algo):
-    for other in set(ALGORITHMS) - {algo}:
-        with pytest.raises(UserError, match=f"{other} is a setting of another algorithm than {algo}"):
-            resolve(algo, None, [{other: {}}])
-    for name in ("timesteps", "n_envs", "track", "evaluation") if algo == "bptt" else ("epochs", "profile"):
-        with pytest.raises(UserError, match=f"{name} is a setting of another algorithm than {algo}"):
-            resolve(algo, None, [{name: 1}])
+def test_the_settings_of_another_algorithm_are_refused():
+    for algo in ALGORITHMS:
+        for other in set(ALGORITHMS) - {algo}:
+            with pytest.raises(UserError, match=f"{other} is a setting of another algorithm than {algo}"):
+                resolve(algo, None, [{other: {}}])
+        for name in ("timesteps", "n_envs", "track", "evaluation") if algo == "bptt" else ("epochs", "profile"):
+            with pytest.raises(UserError, match=f"{name} is a setting of another algorithm than {algo}"):
+                resolve(algo, None, [{name: 1}])
 
 
-@pytest.mark.parametrize("item", ["gamma", "=3", ""])
-def test_an_override_of_another_form_is_refused(item):
-    with pytest.raises(UserError, match="key=value"):
-        parse_overrides([item])
+def test_an_override_of_another_form_is_refused():
+    for item in ("gamma", "=3", ""):
+        with pytest.raises(UserError, match="key=value"):
+            parse_overrides([item])
 
 
-@pytest.mark.parametrize("text", ["- 1\n- 2\n", "a: [1", "!!python/object/apply:os.getcwd []", "\x00"])
-def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
-    (tmp_path / "c.yaml").write_text(text)
-    with pytest.raises(UserError):
-        read_settings(tmp_path / "c.yaml")
+def test_a_file_that_is_no_configuration_is_refused(tmp_path):
+    for text in ("- 1\n- 2\n", "a: [1", "!!python/object/apply:os.getcwd []", "\x00"):
+        (tmp_path / "c.yaml").write_text(text)
+        with pytest.raises(UserError):
+            read_settings(tmp_path / "c.yaml")
 
 
 @given(st.dictionaries(st.sampled_from("abc"), st.integers()), st.dictionaries(st.sampled_from("abc"), st.integers()))
@@ -261,25 +258,21 @@ def test_supervised_training_is_the_papers_by_default():
     assert (config.network.units, config.network.layers, config.trial.trial_length) == (10, 2, 50)
 
 
-@pytest.mark.parametrize(
-    ("values", "penalty", "coefficient"),
-    [
+def test_the_penalty_is_the_given_one_or_the_profiles():
+    for values, penalty, coefficient in (
         ({}, "weights", 0.001),
         ({"profile": "released"}, "released", 0.01),
         ({"bptt": {"penalty": "activity"}}, "activity", 0.01),
         ({"profile": "released", "bptt": {"penalty": "weights"}}, "weights", 0.001),
         ({"bptt": {"penalty_coefficient": 0.1}}, "weights", 0.1),
         ({"profile": "released", "bptt": {"penalty_coefficient": 0}}, "released", 0.0),
-    ],
-)
-def test_the_penalty_is_the_given_one_or_the_profiles(values, penalty, coefficient):
-    config = resolve("bptt", None, [values])
-    assert (config.penalty, config.penalty_coefficient) == (penalty, coefficient)
+    ):
+        config = resolve("bptt", None, [values])
+        assert (config.penalty, config.penalty_coefficient) == (penalty, coefficient)
 
 
-@pytest.mark.parametrize(
-    ("values", "names"),
-    [
+def test_what_supervised_training_cannot_do_is_refused_by_name():
+    for values, names in (
         ({"network": {"critic_arch": [4]}}, "critic_arch"),
         ({"seeds": 1001}, "seeds"),
         ({"epochs": 0}, "epochs"),
@@ -300,21 +293,19 @@ def test_the_penalty_is_the_given_one_or_the_profiles(values, penalty, coefficie
         ({"trial": {"sensory_noise": 0.01}}, "sensory_noise"),
         ({"trial": {"motor_noise": 0.01}}, "motor_noise"),
         ({"trial": {"feedback_delay": 1}}, "feedback_delay"),
-    ],
-)
-def test_what_supervised_training_cannot_do_is_refused_by_name(values, names):
-    with pytest.raises(UserError, match=names):
-        resolve("bptt", None, [values])
+    ):
+        with pytest.raises(UserError, match=names):
+            resolve("bptt", None, [values])
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_the_configuration_of_another_tasks_run_brings_its_choices_and_not_its_tuned_defaults(algo):
-    chosen = {"seed": 3, "network": {"units": 12}, "trial": {"threshold": 0.03}, algo: {"learning_rate": 0.123}}
-    run = resolve(algo, "random_reach", [chosen], model="bi_s").to_values()
-    assert resolve(None, "hold_position", [run]) == resolve(algo, "hold_position", [chosen], model="bi_s")
-    assert resolve(None, None, [run, {"task": "hold_position"}]) == resolve(None, "hold_position", [run])
-    assert resolve(None, None, [run], model="cc_ns").to_values() == run | {"model": "cc_ns"}
-    assert resolve(None, None, [run]).to_values() == run
+def test_the_configuration_of_another_tasks_run_brings_its_choices_and_not_its_tuned_defaults():
+    for algo in ALGORITHMS:
+        chosen = {"seed": 3, "network": {"units": 12}, "trial": {"threshold": 0.03}, algo: {"learning_rate": 0.123}}
+        run = resolve(algo, "random_reach", [chosen], model="bi_s").to_values()
+        assert resolve(None, "hold_position", [run]) == resolve(algo, "hold_position", [chosen], model="bi_s")
+        assert resolve(None, None, [run, {"task": "hold_position"}]) == resolve(None, "hold_position", [run])
+        assert resolve(None, None, [run], model="cc_ns").to_values() == run | {"model": "cc_ns"}
+        assert resolve(None, None, [run]).to_values() == run
 
 
 def test_the_configuration_of_another_algorithms_run_brings_what_both_have():

@@ -86,13 +86,13 @@ def results(trained):
 # States
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_a_model_has_the_states_of_its_architecture_intact_first(small_bptt, model):
-    shallow_and_deep = ["shallow_dominant", "shallow_non_dominant", "deep_dominant", "deep_non_dominant"]
-    lesions = {"uni": [], "bi": shallow_and_deep, "cc": [*shallow_and_deep, "callosum", *COMBINED]}
-    names = state_names(small_bptt(model), None)
-    assert names == ["intact", *lesions[model.split("_")[0]]]
-    assert len(names) == {"uni": 1, "bi": 5, "cc": 8}[model.split("_")[0]]
+def test_a_model_has_the_states_of_its_architecture_intact_first(small_bptt):
+    for model in MODELS:
+        shallow_and_deep = ["shallow_dominant", "shallow_non_dominant", "deep_dominant", "deep_non_dominant"]
+        lesions = {"uni": [], "bi": shallow_and_deep, "cc": [*shallow_and_deep, "callosum", *COMBINED]}
+        names = state_names(small_bptt(model), None)
+        assert names == ["intact", *lesions[model.split("_")[0]]]
+        assert len(names) == {"uni": 1, "bi": 5, "cc": 8}[model.split("_")[0]]
 
 
 def test_wanted_lesions_come_in_the_order_wanted_each_once_after_the_intact_network(small_bptt):
@@ -101,19 +101,16 @@ def test_wanted_lesions_come_in_the_order_wanted_each_once_after_the_intact_netw
     assert state_names(small_bptt("uni_b"), ["intact"]) == ["intact"]
 
 
-@pytest.mark.parametrize(
-    ("model", "lesion", "says"),
-    [
+def test_a_lesion_that_cannot_be_is_refused_with_those_that_can(small_bptt):
+    for model, lesion, says in (
         ("uni_b", "deep_dominant", "uni_b is a unilateral network and cannot .* 'deep_dominant': it can have none.$"),
         ("bi_ns", "callosum", "bilateral .* 'callosum': .* shallow_dominant, .*deep_non_dominant.$"),
         ("bi_s", "callosum_deep_dominant", "bilateral .* it can have shallow_dominant, .*, deep_non_dominant.$"),
         ("cc_s", "lobotomy", "callosal .* 'lobotomy': it can have .*callosum_deep_non_dominant; the lesions there are"),
         ("uni_dl", "lobotomy", "it can have none; the lesions there are: shallow_dominant, .*non_dominant.$"),
-    ],
-)
-def test_a_lesion_that_cannot_be_is_refused_with_those_that_can(small_bptt, model, lesion, says):
-    with pytest.raises(UserError, match=says):
-        state_names(small_bptt(model), ["intact", lesion])
+    ):
+        with pytest.raises(UserError, match=says):
+            state_names(small_bptt(model), ["intact", lesion])
 
 
 # The table
@@ -146,11 +143,13 @@ def test_values_are_those_of_the_lesioned_policy(trained, results):
             assert_same(found, evaluated(trained, policy, lesion))
 
 
-@pytest.mark.parametrize("lesion", ["intact", "shallow_dominant", "callosum_deep_non_dominant"])
-def test_a_seed_is_retrained_as_if_it_were_alone(trained, results, lesion):
-    for seed in (0, 2):
-        policy = retrained_by_hand(trained, seed, find_lesion(lesion), trained.config().bptt)
-        assert_same(values_of(results, seed=seed, lesion=lesion, retrained=True), evaluated(trained, policy, lesion))
+def test_a_seed_is_retrained_as_if_it_were_alone(trained, results):
+    for lesion in ("intact", "shallow_dominant", "callosum_deep_non_dominant"):
+        for seed in (0, 2):
+            policy = retrained_by_hand(trained, seed, find_lesion(lesion), trained.config().bptt)
+            assert_same(
+                values_of(results, seed=seed, lesion=lesion, retrained=True), evaluated(trained, policy, lesion)
+            )
 
 
 def test_the_same_study_brings_the_same_numbers_whatever_the_threads(trained, results):
@@ -295,13 +294,13 @@ def test_a_reinforced_run_is_retrained_by_the_papers_loss(run, profile):
     assert_same(values_of(results, lesion="callosum", retrained=True), evaluated(run, policy, "callosum"))
 
 
-@pytest.mark.parametrize("setting", [{"sensory_noise": 0.01}, {"motor_noise": 0.01}, {"feedback_delay": 2}])
-def test_noise_and_delay_cannot_be_retrained_but_tested(run, setting):
-    with_config(run, trial=setting)
-    with pytest.raises(UserError, match="--no-retrain"):
-        study_of(run)
-    results = run_study(run, retrain=False, lesions=("callosum",), trials=2)
-    assert results["value"][results["metric"] == "effort"].notna().all()
+def test_noise_and_delay_cannot_be_retrained_but_tested(run):
+    for setting in ({"sensory_noise": 0.01}, {"motor_noise": 0.01}, {"feedback_delay": 2}):
+        with_config(run, trial={"sensory_noise": 0.0, "motor_noise": 0.0, "feedback_delay": 0} | setting)
+        with pytest.raises(UserError, match="--no-retrain"):
+            study_of(run)
+        results = run_study(run, retrain=False, lesions=("callosum",), trials=2)
+        assert results["value"][results["metric"] == "effort"].notna().all()
 
 
 # What goes wrong

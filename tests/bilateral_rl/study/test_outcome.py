@@ -39,13 +39,13 @@ def test_where_nothing_is_done_there_are_no_results_and_no_runs(tmp_path):
     assert learning_history({}).empty
 
 
-@pytest.mark.parametrize("text", ["", "model,task\ncc_s,random_reach\n", '"'])
-def test_a_damaged_file_of_results_is_refused_with_what_to_do(tmp_path, text):
-    path = write(tmp_path, CONFIGS[0], 1.0)
-    path.write_text(text)
-    with pytest.raises(UserError, match=r"; remove it and call the command again\.$") as error:
-        results_of(tmp_path, CONFIGS)
-    assert str(path) in str(error.value)
+def test_a_damaged_file_of_results_is_refused_with_what_to_do(tmp_path):
+    for text in ("", "model,task\ncc_s,random_reach\n", '"'):
+        path = write(tmp_path, CONFIGS[0], 1.0)
+        path.write_text(text)
+        with pytest.raises(UserError, match=r"; remove it and call the command again\.$") as error:
+            results_of(tmp_path, CONFIGS)
+        assert str(path) in str(error.value)
 
 
 def test_runs_are_those_whose_results_are_there(tmp_path, bptt_run):

@@ -41,12 +41,14 @@ def test_a_new_task_does_not_join_the_paper(monkeypatch):
     assert study.n_jobs == len(study.jobs()) == 14
 
 
-@pytest.mark.parametrize("algo", ["bptt", "ppo"])
-def test_no_two_jobs_number_runs_in_one_folder(algo):
-    # A run's folder is <runs>/<task>/<model>-<algo>-<n>.
-    jobs = Study(algo=algo, seeds=3).jobs()
-    kinds = [(job.arguments["runs"], *(job.arguments["config"][name] for name in ("task", "model"))) for job in jobs]
-    assert len(set(kinds)) == len(jobs)
+def test_no_two_jobs_number_runs_in_one_folder():
+    for algo in ("bptt", "ppo"):
+        # A run's folder is <runs>/<task>/<model>-<algo>-<n>.
+        jobs = Study(algo=algo, seeds=3).jobs()
+        kinds = [
+            (job.arguments["runs"], *(job.arguments["config"][name] for name in ("task", "model"))) for job in jobs
+        ]
+        assert len(set(kinds)) == len(jobs)
 
 
 @pytest.mark.parametrize("study", [Study(), Study(algo="ppo", quick=True), Study(profile="released", quick=True)])
@@ -106,32 +108,29 @@ def test_trainings_with_two_losses_count_as_longer():
     assert longer == {"bi_s", "cc_s"}
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
+def test_a_study_that_cannot_be_is_refused():
+    for wrong, message in (
         ({"algo": "dqn"}, "Unknown algorithm 'dqn'"),
         ({"profile": "mine"}, "Unknown profile 'mine'"),
         ({"seeds": 0}, "--seeds must be at least 1"),
         ({"overrides": {"model": "cc_s"}}, "--set cannot change model"),
         ({"overrides": {"seeds": 3}}, "--set cannot change seeds"),
         ({"overrides": {"profile": "released"}}, "--set cannot change profile"),
-    ],
-)
-def test_a_study_that_cannot_be_is_refused(wrong, message):
-    with pytest.raises(UserError, match=message):
-        Study(**wrong)
+    ):
+        with pytest.raises(UserError, match=message):
+            Study(**wrong)
 
 
-@pytest.mark.parametrize("overrides", [{"nothing": 1}, {"epochs": "many"}, {"timesteps": 5}])
-def test_settings_that_cannot_be_are_refused(overrides):
-    with pytest.raises(UserError):
-        Study(overrides=overrides).jobs()
+def test_settings_that_cannot_be_are_refused():
+    for overrides in ({"nothing": 1}, {"epochs": "many"}, {"timesteps": 5}):
+        with pytest.raises(UserError):
+            Study(overrides=overrides).jobs()
 
 
-@pytest.mark.parametrize("trial", [{"motor_noise": 0.1}, {"feedback_delay": 2}])
-def test_what_cannot_be_retrained_after_a_lesion_is_refused_before_it_is_trained(trial):
-    with pytest.raises(UserError, match="leave both out of --set"):
-        Study(algo="ppo", overrides={"trial": trial}).jobs()
+def test_what_cannot_be_retrained_after_a_lesion_is_refused_before_it_is_trained():
+    for trial in ({"motor_noise": 0.1}, {"feedback_delay": 2}):
+        with pytest.raises(UserError, match="leave both out of --set"):
+            Study(algo="ppo", overrides={"trial": trial}).jobs()
 
 
 def test_processors_are_shared_among_the_jobs_at_a_time(monkeypatch):

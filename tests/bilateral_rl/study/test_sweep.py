@@ -95,23 +95,19 @@ def test_names_are_safe_as_those_of_files():
     assert name == "init_from=.._runs_a_b_3,critic_arch=_x"
 
 
-@pytest.mark.parametrize(
-    "grid",
-    [
+def test_points_that_are_one_are_refused():
+    for grid in (
         {"epochs": ["3", "4", "3"]},
         {"bptt.learning_rate": ["1e-3", "0.001"]},
         {"bptt.trials": ["640", "640.0"], "model": ["cc_s", "bi_s"]},
         {"init_from": ["a b", "a_b"]},
-    ],
-)
-def test_points_that_are_one_are_refused(grid):
-    with pytest.raises(UserError, match="more than once; give every value once"):
-        Sweep("bptt", grid).jobs()
+    ):
+        with pytest.raises(UserError, match="more than once; give every value once"):
+            Sweep("bptt", grid).jobs()
 
 
-@pytest.mark.parametrize(
-    ("algo", "grid", "overrides", "message"),
-    [
+def test_a_sweep_that_cannot_be_is_refused():
+    for algo, grid, overrides, message in (
         ("bptt", {}, {}, "needs a --grid of 1 to 1,000 points, got none"),
         ("bptt", {"seed": [str(i) for i in range(MAX_POINTS + 1)]}, {}, "got 1001"),
         ("bptt", {"algo": ["ppo", "bptt"]}, {}, "leave algo out"),
@@ -121,11 +117,9 @@ def test_points_that_are_one_are_refused(grid):
         ("bptt", {"timesteps": ["1"]}, {}, "timesteps is a setting of another algorithm"),
         ("dqn", {"seed": ["1"]}, {}, "Unknown algorithm 'dqn'"),
         ("ppo", {"task": ["swim"]}, {}, "Unknown task 'swim'"),
-    ],
-)
-def test_a_sweep_that_cannot_be_is_refused(algo, grid, overrides, message):
-    with pytest.raises(UserError, match=message):
-        Sweep(algo, grid, overrides).jobs()
+    ):
+        with pytest.raises(UserError, match=message):
+            Sweep(algo, grid, overrides).jobs()
 
 
 def test_as_many_points_as_there_may_be():

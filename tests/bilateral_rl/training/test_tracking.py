@@ -143,11 +143,11 @@ def test_steps_that_it_has_seen_are_not_repeated(wandb, run, capfd):
     assert "Steps must be monotonically increasing" not in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("known", ['"abc"', '{"id": 3}', '{"id": "../../etc"}', '{"id": ""}', "{"])
-def test_an_id_that_cannot_be_is_refused(wandb, run, known):
-    (run.path / TRACKING).write_text(known)
-    with pytest.raises(UserError, match=f"{TRACKING} is damaged"):
-        Tracking(run, run.config())
+def test_an_id_that_cannot_be_is_refused(wandb, run):
+    for known in ('"abc"', '{"id": 3}', '{"id": "../../etc"}', '{"id": ""}', "{"):
+        (run.path / TRACKING).write_text(known)
+        with pytest.raises(UserError, match=f"{TRACKING} is damaged"):
+            Tracking(run, run.config())
 
 
 def test_a_failure_while_it_logs_is_told_once_and_ends_nothing(wandb, small, tmp_path, monkeypatch):

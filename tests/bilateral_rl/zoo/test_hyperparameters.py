@@ -21,17 +21,17 @@ HYPERPARAMETERS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("algo", [*ZOO_ALGORITHMS, "ppo", "a2c", "sac", "td3"])
-def test_rl_zoo3_imports_them_anew_each_time_as_plain_values(algo):
-    env_id = "bilateral_rl/HoldPosition-v0"
-    module = importlib.import_module(tuned_module(algo, env_id))
-    module.hyperparams[env_id].clear()  # rl_zoo3 writes into what it reads
-    assert module.hyperparams == hyperparameters(algo)
-    assert module.hyperparams[env_id]["policy"] == "CallosalPolicy"
-    assert yaml.safe_load(yaml.safe_dump(module.hyperparams)) == module.hyperparams
-    stock = algo not in ZOO_ALGORITHMS
-    assert stock == ("reward_scale" not in module.hyperparams[env_id])
-    assert stock == ("default" not in module.hyperparams)
+def test_rl_zoo3_imports_them_anew_each_time_as_plain_values():
+    for algo in (*ZOO_ALGORITHMS, "ppo", "a2c", "sac", "td3"):
+        env_id = "bilateral_rl/HoldPosition-v0"
+        module = importlib.import_module(tuned_module(algo, env_id))
+        module.hyperparams[env_id].clear()  # rl_zoo3 writes into what it reads
+        assert module.hyperparams == hyperparameters(algo)
+        assert module.hyperparams[env_id]["policy"] == "CallosalPolicy"
+        assert yaml.safe_load(yaml.safe_dump(module.hyperparams)) == module.hyperparams
+        stock = algo not in ZOO_ALGORITHMS
+        assert stock == ("reward_scale" not in module.hyperparams[env_id])
+        assert stock == ("default" not in module.hyperparams)
 
 
 def course(value):
@@ -64,30 +64,24 @@ def test_the_zoo_builds_what_our_own_training_does(algo, task, tmp_path):
         model.env.close()
 
 
-@pytest.mark.parametrize(
-    ("text", "found"),
-    [
+def test_schedules_in_words():
+    for text, found in (
         ("lin_0.015", linear_schedule(0.015, 0.0)),
         ("lin_1e-05", linear_schedule(1e-5, 0.0)),
         ("lin_0.01_0.002", linear_schedule(0.01, 0.002)),
         ("auto", None),
         ("CallosalPolicy", None),
-    ],
-)
-def test_schedules_in_words(text, found):
-    assert parse_schedule(text) == found
+    ):
+        assert parse_schedule(text) == found
 
 
-@pytest.mark.parametrize(
-    ("algo", "env_id", "ours"),
-    [
+def test_where_ours_serve():
+    for algo, env_id, ours in (
         ("hemispheric_sac", "bilateral_rl/RandomReach-v0", True),
         ("hemispheric_sac", "Pendulum-v1", True),
         ("ppo", "bilateral_rl/HoldPosition-v0", True),
         ("ppo", "Pendulum-v1", False),
         ("tqc", "bilateral_rl/RandomReach-v0", False),
-    ],
-)
-def test_where_ours_serve(algo, env_id, ours):
-    assert (tuned_module(algo, env_id) is not None) == ours
-    assert not ours or hyperparameters(algo).keys() & {env_id, "default"}
+    ):
+        assert (tuned_module(algo, env_id) is not None) == ours
+        assert not ours or hyperparameters(algo).keys() & {env_id, "default"}
