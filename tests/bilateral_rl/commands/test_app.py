@@ -2,8 +2,7 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
+import threading
 import time
 
 import pandas as pd
@@ -11,14 +10,6 @@ import pytest
 import yaml
 
 SMALL = ["--timesteps", "2000", "--n-envs", "20", "--set", "ppo.batch_size=250", "--set", "evaluation.trials=8"]
-
-
-def start(*arguments, cwd):
-    command = [sys.executable, "-m", "bilateral_rl.commands.app", *map(str, arguments)]
-    environment = os.environ | {"COLUMNS": "200"}
-    return subprocess.Popen(
-        command, cwd=cwd, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
 
 
 def test_train_then_evaluate_then_list(call, tmp_path):
@@ -89,15 +80,18 @@ def test_a_mistake_is_one_clear_sentence_and_leaves_nothing_behind(call, tmp_pat
         assert list(tmp_path.iterdir()) == []
 
 
-def test_ctrl_c_saves_and_says_how_to_go_on(tmp_path):
-    process = start("train", "--timesteps", "100000000", "--n-envs", "20", cwd=tmp_path)
+def test_ctrl_c_saves_and_says_how_to_go_on(call, tmp_path):
     run = tmp_path / "runs/random_reach/cc_s-ppo-1"
-    deadline = time.monotonic() + 90
-    while not (run / "evaluations.csv").exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "bilateral-rl train --resume runs/random_reach/cc_s-ppo-1" in out
+
+    def press_ctrl_c():
+        deadline = time.monotonic() + 90
+        while not (run / "evaluations.csv").exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=press_ctrl_c).start()
+    code, out, err = call("train", "--timesteps", "100000000", "--n-envs", "20")
+    assert code == 130, err
+    assert "bilateral-rl train --resume runs/random_reach/cc_s-ppo-1" in " ".join(out.split())
     assert json.loads((run / "status.json").read_text())["state"] == "interrupted"
     assert (run / "weights/final.safetensors").exists()

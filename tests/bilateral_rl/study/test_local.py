@@ -88,24 +88,22 @@ def test_what_is_done_is_not_done_again(tmp_path, toy, events, watcher):
     assert outcomes[0].log == tmp_path / "logs" / "a.log"
 
 
-@pytest.mark.parametrize(
-    ("function", "error", "logged"),
-    [
-        ("fail", "ValueError: this is wrong", ["before it failed", "in fail", "ValueError: this is\nwrong"]),
-        ("leave", "it left with exit code 3", ["before it left"]),
-        ("kill_itself", "killed (SIGKILL); perhaps there was too little memory", ["--- bad"]),
-        ("forget", "it ended without writing bad", ["--- bad"]),
-        ("missing", "AttributeError: module 'toy_jobs' has no attribute 'missing'", ["Traceback"]),
-    ],
-)
-def test_a_job_that_fails_says_why_and_stops_no_other(tmp_path, toy, watcher, function, error, logged):
-    jobs = [toy("write", "good", cost=2), toy(function, "bad"), toy("write", "late", cost=0.5)]
-    outcomes = run_local(jobs, tmp_path, 1, watcher)
-    assert states(outcomes) == [DONE, FAILED, DONE]
-    assert outcomes[1].error == error
-    log = outcomes[1].log.read_text()
-    assert all(text in log for text in logged)
-    assert ("failed", "bad") in watcher.told
+def test_a_job_that_fails_says_why_and_stops_no_other(tmp_path, toy, watcher):
+    failures = {
+        "fail": ("ValueError: this is wrong", ["before it failed", "in fail", "ValueError: this is\nwrong"]),
+        "leave": ("it left with exit code 3", ["before it left"]),
+        "kill_itself": ("killed (SIGKILL); perhaps there was too little memory", ["--- kill_itself"]),
+        "forget": ("it ended without writing forget", ["--- forget"]),
+        "missing": ("AttributeError: module 'toy_jobs' has no attribute 'missing'", ["Traceback"]),
+    }
+    bad = [toy(function, function) for function in failures]
+    outcomes = run_local([toy("write", "good", cost=2), *bad, toy("write", "late", cost=0.5)], tmp_path, 1, watcher)
+    assert states(outcomes) == [DONE, *[FAILED] * len(bad), DONE]
+    for outcome, (function, (error, logged)) in zip(outcomes[1:-1], failures.items(), strict=True):
+        assert outcome.error == error
+        log = outcome.log.read_text()
+        assert all(text in log for text in logged)
+        assert ("failed", function) in watcher.told
 
 
 def test_a_job_sees_its_threads_no_terminal_and_no_import_that_it_did_not_ask_for(tmp_path, toy):

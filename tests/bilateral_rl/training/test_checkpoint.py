@@ -89,6 +89,7 @@ def test_only_the_filled_part_of_the_replay_buffer_is_saved(states):
     algorithm = built("sac")
     assert len(algorithm.replay_buffer.observations) == 150
     assert states["sac"]["replay.rewards"].shape == (STEPS // 8, 8, 2)
+    algorithm.learning_starts = 1_600
     full = saved(algorithm.learn(1_600, log_interval=None))
     assert full["replay.full"]
     assert full["replay.rewards"].shape == (150, 8, 2)
