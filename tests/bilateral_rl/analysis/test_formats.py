@@ -1,6 +1,5 @@
 import numpy as np
 import pandas as pd
-import pytest
 
 from bilateral_rl.analysis.formats import (
     decimals_for,
@@ -14,9 +13,8 @@ from bilateral_rl.analysis.formats import (
 from bilateral_rl.analysis.statistics import OmnibusTest
 
 
-@pytest.mark.parametrize(
-    ("values", "text"),
-    [
+def test_a_mean_has_as_many_digits_as_its_deviation():
+    for values, text in (
         ([90.0, 92.0, 94.0], "92.0 ± 2.0"),
         ([1.0, 2.0], "1.50 ± 0.71"),
         ([80.0, 100.0, 120.0], "100 ± 20"),
@@ -28,23 +26,18 @@ from bilateral_rl.analysis.statistics import OmnibusTest
         ([1234.56], "1234.6"),
         ([np.nan], "–"),
         ([], "–"),
-    ],
-)
-def test_a_mean_has_as_many_digits_as_its_deviation(values, text):
-    assert mean_sd(pd.Series(values, dtype=float)) == text
+    ):
+        assert mean_sd(pd.Series(values, dtype=float)) == text
 
 
-@pytest.mark.parametrize(
-    ("values", "text"),
-    [
+def test_the_decimals_of_a_column_may_be_given():
+    for values, text in (
         ([90.0, 92.0, 94.0], "+92.0 ± 2.0"),
         ([-0.01, -0.02], "+0.0 ± 0.0"),
         ([1.0, np.nan], "+1.0 (1 of 2 seeds)"),
         ([np.nan], "–"),
-    ],
-)
-def test_the_decimals_of_a_column_may_be_given(values, text):
-    assert mean_sd(values, 1, "+") == text
+    ):
+        assert mean_sd(values, 1, "+") == text
 
 
 def test_numbers_have_three_digits_and_large_ones_a_decimal():

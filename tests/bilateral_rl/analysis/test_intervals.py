@@ -176,14 +176,14 @@ def test_a_ratio_that_no_resample_changes_has_no_bootstrap_interval():
         assert "no interval" in result.note
 
 
-@pytest.mark.parametrize("paired", [False, True])
-def test_where_all_values_are_equal_the_interval_is_the_estimate(paired):
-    for interval, value in ((difference_interval, 50.0), (ratio_interval, 2.0), (bootstrap_difference, 50.0)):
-        result = interval([100.0] * 6, [50.0] * 6, paired)
-        assert (result.value, *bounds(result)) == (value, value, value)
-        assert result.note == "all values are equal: no test"
-    assert bounds(mean_interval([0.1] * 6)) == (pytest.approx(0.1), pytest.approx(0.1))
-    assert np.isnan(hedges_g([100.0] * 6, [50.0] * 6, paired).value)
+def test_where_all_values_are_equal_the_interval_is_the_estimate():
+    for paired in (False, True):
+        for interval, value in ((difference_interval, 50.0), (ratio_interval, 2.0), (bootstrap_difference, 50.0)):
+            result = interval([100.0] * 6, [50.0] * 6, paired)
+            assert (result.value, *bounds(result)) == (value, value, value)
+            assert result.note == "all values are equal: no test"
+        assert bounds(mean_interval([0.1] * 6)) == (pytest.approx(0.1), pytest.approx(0.1))
+        assert np.isnan(hedges_g([100.0] * 6, [50.0] * 6, paired).value)
 
 
 def test_a_bootstrap_repeats_itself_and_is_that_of_scipy():

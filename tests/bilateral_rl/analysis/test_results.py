@@ -28,9 +28,8 @@ def test_the_columns_are_those_of_the_long_form():
     assert COLUMNS == ("model", "task", "algo", "seed", "lesion", "retrained", "metric", "value")
 
 
-@pytest.mark.parametrize(
-    ("wanted", "values"),
-    [
+def test_values_are_picked_by_every_column_and_stand_in_the_order_of_the_seeds(results):
+    for wanted, values in (
         (("effort", State("random_reach", "cc_s")), {2: 0.1 + 0.2, 10: 1.5}),
         (("effort", State("random_reach", "cc_s", "intact", True)), {2: 3.0}),
         (("effort", State("random_reach", "cc_s", "callosum")), {2: 4.0}),
@@ -38,11 +37,9 @@ def test_the_columns_are_those_of_the_long_form():
         (("effort", State("random_reach", "bi_s")), {2: 7.0}),
         (("effort", State("random_reach", "uni_b")), {}),
         (("final_error", State("random_reach", "cc_s")), {}),
-    ],
-)
-def test_values_are_picked_by_every_column_and_stand_in_the_order_of_the_seeds(results, wanted, values):
-    found = by_seed(results, *wanted)
-    assert list(found.items()) == list(values.items())
+    ):
+        found = by_seed(results, *wanted)
+        assert list(found.items()) == list(values.items())
 
 
 def test_several_values_of_a_seed_are_refused(results):
@@ -55,23 +52,20 @@ def test_a_table_comes_back_from_its_file(results, tmp_path):
     pd.testing.assert_frame_equal(read_results(tmp_path / "results.csv"), results, check_exact=True)
 
 
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
+def test_a_file_that_is_no_such_table_is_refused(tmp_path):
+    for content, says in (
         (b"", "is damaged"),
         (b"\xff\xfe\x00\x01", "is damaged"),
         (b'model,task\n"', "is damaged"),
         (b"model,task\ncc_s,random_reach\n", "columns must be model, task, algo, seed, lesion, retrained"),
         ((",".join(COLUMNS) + "\ncc_s,random_reach,ppo,1,intact,perhaps,effort,1\n").encode(), "is damaged"),
-    ],
-)
-def test_a_file_that_is_no_such_table_is_refused(tmp_path, content, says):
-    path = tmp_path / "results.csv"
-    path.write_bytes(content)
-    with pytest.raises(UserError, match=says) as error:
-        read_results(path)
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
+    ):
+        path = tmp_path / "results.csv"
+        path.write_bytes(content)
+        with pytest.raises(UserError, match=says) as error:
+            read_results(path)
+        assert str(path) in str(error.value)
+        assert "\n" not in str(error.value)
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):

@@ -1,7 +1,6 @@
 from itertools import combinations
 
 import matplotlib
-import pytest
 from matplotlib.colors import to_rgb
 
 from bilateral_rl.config.catalogue import MODELS
@@ -44,18 +43,15 @@ def test_names_in_words():
     assert task_label("random_reach") == "Random reach"
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
+def test_lesions_in_words():
+    for name, words in (
         ("intact", "intact"),
         ("shallow_dominant", "shallow\ndominant"),
         ("shallow_non_dominant", "shallow\nnon-\ndominant"),
         ("callosum", "callosum"),
         ("callosum_deep_non_dominant", "callosum,\ndeep non-\ndominant"),
-    ],
-)
-def test_lesions_in_words(name, words):
-    assert lesion_label(name) == words
+    ):
+        assert lesion_label(name) == words
 
 
 def test_axis_labels_keep_a_number_with_its_unit(completion, deviation):

@@ -2,26 +2,22 @@
 
 import io
 
-import pytest
 from rich.table import Table
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import Terminal, printable
 
 
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
+def test_characters_that_are_not_to_be_seen_are_spelled():
+    for text, shown in (
         ("5 cm², naïve – ✓", "5 cm², naïve – ✓"),
         ("\x1b[31mred", "\\x1b[31mred"),
         ("\x9b31m\x07\x00", "\\x9b31m\\x07\\x00"),
         ("\u202etfel", "\\u202etfel"),
         ("\udce4", "\\udce4"),
         ("two\nlines", "two\nlines"),
-    ],
-)
-def test_characters_that_are_not_to_be_seen_are_spelled(text, shown):
-    assert printable(text) == shown
+    ):
+        assert printable(text) == shown
 
 
 def test_markup_colors_and_escape_sequences_do_not():

@@ -34,23 +34,20 @@ def test_a_folder_says_which_study_it_holds_and_takes_it_again(tmp_path):
     assert {path.name for path in folder.iterdir()} == {STUDY_FILE, "results"}
 
 
-@pytest.mark.parametrize(
-    ("changes", "name"),
-    [
+def test_another_study_is_refused(tmp_path):
+    for changes, name in (
         ({"seeds": 5}, "seeds = 4, not 5"),
         ({"algo": "ppo"}, "algo = 'bptt', not 'ppo'"),
         ({"quick": True}, "quick = False, not True"),
         ({"overrides": {}}, "overrides = "),
         ({"overrides": parse_overrides(["epochs=3", "bptt.patience=2"])}, "overrides = "),
         ({"overrides": OVERRIDES | {"seed": 1}}, "overrides = "),
-    ],
-)
-def test_another_study_is_refused(tmp_path, changes, name):
-    claim_folder(tmp_path, values())
-    with pytest.raises(UserError, match="go on with it as it was begun, or choose another --out") as error:
-        claim_folder(tmp_path, values(**changes))
-    assert f"holds a study with {name}" in str(error.value)
-    claim_folder(tmp_path, values())
+    ):
+        claim_folder(tmp_path, values())
+        with pytest.raises(UserError, match="go on with it as it was begun, or choose another --out") as error:
+            claim_folder(tmp_path, values(**changes))
+        assert f"holds a study with {name}" in str(error.value)
+        claim_folder(tmp_path, values())
 
 
 def test_sweeps_and_reproductions_do_not_mix(tmp_path):
