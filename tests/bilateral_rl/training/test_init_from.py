@@ -2,6 +2,7 @@
 
 import dataclasses
 import shutil
+import signal
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ def before_learning(monkeypatch, tmp_path):
 
     def look(config):
         def stop(*_args, **_kwargs):
+            signal.raise_signal(signal.SIGINT)
             raise Stopped
 
         with monkeypatch.context() as patch:
