@@ -39,7 +39,7 @@ def test_a_state_does_not_share_its_tensors_with_what_it_was_made_of(tensors, sa
     assert same_bits(tensors, before)
 
 
-def test_a_start_has_nothing_done_and_weights_of_its_own():
+def test_a_start_has_nothing_done_and_weights_of_its_own_and_comes_back(same_bits):
     weights = torch.randn(S, WIDTH)
     state = TrainingState.start(weights, COLUMNS)
     assert torch.equal(state.weights, weights)
@@ -51,6 +51,7 @@ def test_a_start_has_nothing_done_and_weights_of_its_own():
     state.weights += 2
     assert torch.equal(state.best_weights, before)
     assert torch.equal(state.weights, before + 2)
+    assert same_bits(TrainingState.from_tensors(state.tensors(), S, WIDTH, COLUMNS).tensors(), state.tensors())
 
 
 def test_a_tensor_that_is_missing_or_of_another_type_or_shape_is_refused(tensors):
