@@ -8,17 +8,13 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from arm_faces import SETTINGS, assert_same, each_setting
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, TrialSettings
 
 IDS = list(ENVIRONMENT_IDS.values())
-SETTINGS = {
-    "plain": {},
-    "noisy and delayed": {"sensory_noise": 0.01, "motor_noise": 0.05, "feedback_delay": 3},
-}
-each_setting = pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS.keys())
 
 
 def actions(n, seed=0):
@@ -29,20 +25,6 @@ def trial(env, commands, **reset):
     """(observation, reward, terminated, truncated, info) of the reset and of every step."""
     observation, info = env.reset(**reset)
     return [(observation, 0.0, False, False, info)] + [env.step(action) for action in commands]
-
-
-def assert_same(first, second):
-    """Bitwise, through tuples, lists and dictionaries; a nan equals a nan."""
-    assert type(first) is type(second)
-    if isinstance(first, dict):
-        assert list(first) == list(second)
-        for key in first:
-            assert_same(first[key], second[key])
-    elif isinstance(first, (tuple, list)):
-        for a, b in zip(first, second, strict=True):
-            assert_same(a, b)
-    else:
-        np.testing.assert_array_equal(first, second, strict=isinstance(first, np.ndarray))
 
 
 def arrays_in(value):

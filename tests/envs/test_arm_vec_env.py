@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from arm_faces import assert_same, each_setting
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
@@ -14,12 +15,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from bilateral_rl.envs import TASKS, ArmEnv, ArmVecEnv
 
 LENGTH = 5
-SETTINGS = {
-    "plain": {},
-    "noisy and delayed": {"sensory_noise": 0.01, "motor_noise": 0.05, "feedback_delay": 2},
-}
 MEASURES = ("is_success", "speed_to_goal", "time_in_goal", "final_error")
-each_setting = pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS.keys())
 each_task = pytest.mark.parametrize("task", TASKS)
 
 
@@ -41,19 +37,6 @@ def run(venv, commands):
             if "episode" in info:
                 del info["episode"]["t"]
     return steps
-
-
-def assert_same(first, second):
-    assert type(first) is type(second)
-    if isinstance(first, dict):
-        assert list(first) == list(second)
-        for key in first:
-            assert_same(first[key], second[key])
-    elif isinstance(first, (tuple, list)):
-        for a, b in zip(first, second, strict=True):
-            assert_same(a, b)
-    else:
-        np.testing.assert_array_equal(first, second, strict=isinstance(first, np.ndarray))
 
 
 def assert_arm_is_env(step, arm, vector_reward, env_step, next_observation):

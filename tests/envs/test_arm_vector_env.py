@@ -5,18 +5,14 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from arm_faces import each_setting
 from gymnasium.vector import AutoresetMode
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmEnv, ArmVectorEnv
 
 LENGTH, N = 4, 3
 IDS = list(ENVIRONMENT_IDS.values())
-SETTINGS = {
-    "plain": {},
-    "noisy and delayed": {"sensory_noise": 0.01, "motor_noise": 0.05, "feedback_delay": 2},
-}
 each_id = pytest.mark.parametrize("name", IDS)
-each_setting = pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS.keys())
 
 
 def batched(name, **settings):

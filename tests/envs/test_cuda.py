@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 import torch
+from arm_faces import each_setting
 
 from bilateral_rl.envs import Arm, ArmState, ArmVecEnv
 
@@ -12,11 +13,6 @@ pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a C
 
 UPPER = np.radians([135.0, 155.0])
 LENGTH = 6
-SETTINGS = {
-    "plain": {},
-    "noisy and delayed": {"sensory_noise": 0.01, "motor_noise": 0.05, "feedback_delay": 2},
-}
-each_setting = pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS.keys())
 
 
 def movement(device, dtype, steps=20, n=64):

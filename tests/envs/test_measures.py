@@ -17,59 +17,32 @@ def measure(distance, start_distance=0.6, threshold=0.05):
     return tuple(column.item() for column in measures)
 
 
-def test_speed_is_the_start_distance_over_the_steps_until_the_goal_was_reached_for_good():
-    completed, speed, inside, error = measure([OUT, OUT, IN, IN, IN, OUT])
+@pytest.mark.parametrize(
+    ("distance", "steps"),
+    [
+        ([OUT, OUT, IN, IN, IN, OUT], 3),
+        ([IN, IN, IN], 1),
+        ([OUT, OUT, IN, IN, IN], 3),  # the last three steps count
+        ([IN, IN, OUT, IN, IN, IN, OUT], 4),  # an interrupted visit does not start the completing one
+        ([IN, IN, IN, OUT, IN, IN, IN], 1),  # the first of two completing visits
+    ],
+)
+def test_speed_is_the_start_distance_over_the_steps_until_the_goal_was_reached_for_good(distance, steps):
+    completed, speed, inside, error = measure(distance)
     assert completed is True
-    assert speed == pytest.approx(0.6 / 3)
-    assert inside == 3
-    assert error == OUT
-
-
-def test_a_goal_reached_at_the_first_step_takes_one_step():
-    completed, speed, inside, error = measure([IN, IN, IN])
-    assert completed is True
-    assert speed == pytest.approx(0.6)
-    assert inside == 3
-    assert error == IN
-
-
-def test_a_goal_reached_in_the_last_three_steps_counts():
-    completed, speed, _, _ = measure([OUT, OUT, IN, IN, IN])
-    assert completed is True
-    assert speed == pytest.approx(0.6 / 3)
-
-
-def test_a_goal_never_reached_has_no_speed():
-    completed, speed, inside, error = measure([OUT] * 5)
-    assert completed is False
-    assert math.isnan(speed)
-    assert inside == 0
-    assert error == OUT
+    assert speed == pytest.approx(0.6 / steps)
+    assert (inside, error) == (distance.count(IN), distance[-1])
 
 
 def test_visits_shorter_than_three_steps_do_not_complete_however_many():
     for distance in (
-        [IN, IN, OUT, IN, IN, OUT], [IN, OUT, IN, OUT, IN, OUT], [OUT, OUT, OUT, OUT, IN, IN],
+        [OUT] * 5, [IN, IN, OUT, IN, IN, OUT], [IN, OUT, IN, OUT, IN, OUT], [OUT, OUT, OUT, OUT, IN, IN],
         [IN, IN, OUT, OUT, IN, IN], [IN], [IN, IN],
     ):  # fmt: skip
         completed, speed, inside, error = measure(distance)
         assert completed is False
         assert math.isnan(speed)
-        assert inside == sum(d == IN for d in distance)
-        assert error == distance[-1]
-
-
-def test_an_interrupted_visit_does_not_start_the_completing_one():
-    completed, speed, inside, _ = measure([IN, IN, OUT, IN, IN, IN, OUT])
-    assert completed is True
-    assert speed == pytest.approx(0.6 / 4)
-    assert inside == 5
-
-
-def test_the_first_of_two_completing_visits_counts():
-    _, speed, inside, _ = measure([IN, IN, IN, OUT, IN, IN, IN])
-    assert speed == pytest.approx(0.6)
-    assert inside == 6
+        assert (inside, error) == (distance.count(IN), distance[-1])
 
 
 def test_the_threshold_itself_is_within_the_goal():

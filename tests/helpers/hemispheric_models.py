@@ -24,6 +24,17 @@ MIX = {
     "specialized": [[1.0, 0.0], [0.0, 1.0]],
 }
 """Each stream's weights of the two rewards."""
+PENALTY_ON_GROUP = {
+    "combined": {"dominant": 1.0, "non_dominant": 1.0, "shared": 1.0},
+    "dominant": {"dominant": 0.0, "non_dominant": 0.0, "shared": 0.0},
+    "non_dominant": {"dominant": 2.0, "non_dominant": 2.0, "shared": 2.0},
+    "specialized": {"dominant": 0.0, "non_dominant": 2.0, "shared": 1.0},
+}
+"""How often the weight penalty counts in what moves each group, by loss.
+
+Paper section 4: it weighs 0 in the dominant, 2 in the non-dominant, 1 in the combined loss; a specialized model routes
+it like the rest.
+"""
 
 N_ENVS, N_STEPS = 4, 20
 ROLLOUT = N_ENVS * N_STEPS
@@ -119,6 +130,13 @@ def weights(model):
 def changed(model, before):
     """Names of the weights that are no longer what :func:`weights` gave before."""
     return {name for name, value in weights(model).items() if not torch.equal(value, before[name])}
+
+
+def assert_same_weights(a, b):
+    """The same state of two modules, bit for bit."""
+    assert a.state_dict().keys() == b.state_dict().keys()
+    for name, value in a.state_dict().items():
+        assert torch.equal(value, b.state_dict()[name]), name
 
 
 def names_by_group(model):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium import spaces
-from hemispheric_models import LearnedFeatures
+from hemispheric_models import LearnedFeatures, assert_same_weights
 
 from bilateral_rl.policies import (
     ARCHITECTURES,
@@ -55,12 +55,6 @@ def trained_parameters(policy):
 def assert_each_parameter_in_one_group(policy):
     grouped = [id(parameter) for group in policy.parameter_groups().values() for parameter in group]
     assert sorted(grouped) == sorted(map(id, trained_parameters(policy)))
-
-
-def assert_same_weights(a, b):
-    assert a.state_dict().keys() == b.state_dict().keys()
-    for name, value in a.state_dict().items():
-        assert torch.equal(value, b.state_dict()[name]), name
 
 
 @kinds

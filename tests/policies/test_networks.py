@@ -7,6 +7,7 @@ import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from released_names import released_name
 
 from bilateral_rl.policies import ARCHITECTURES, MotorNetwork, make_network
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
@@ -47,25 +48,10 @@ def sizes(draw):
     return architecture, units, layers
 
 
-def released_name(name, architecture):
-    """The released code's name of our parameter ``name``."""
-    combination = {"combination_dominant": "wtAdd_w1", "combination_non_dominant": "wtAdd_w2"}
-    if name in combination:
-        return combination[name]
-    *module, kind = name.split(".")
-    if module[0] == "output":
-        layer = "output_layer"
-    elif architecture == "uni":
-        layer = f"hidden_layer_{module[1]}"
-    else:
-        layer = f"hidden_{'l' if module[0] == 'dominant' else 'r'}_{module[1]}"
-    return f"{layer}/{'kernel' if kind == 'weight' else 'bias'}"
-
-
 def released_network(data, architecture):
     """Our network with the released code's weights; every one of its arrays must find its place."""
     network = make_network(RELEASED_NAMES[architecture], n_inputs=16, n_outputs=6)
-    names = {name: f"{architecture}/weight/{released_name(name, architecture)}" for name in network.state_dict()}
+    names = {name: f"{architecture}/weight/{released_name(name)}" for name in network.state_dict()}
     assert set(names.values()) == {key for key in data if key.startswith(f"{architecture}/weight/")}
     network.load_state_dict({name: torch.from_numpy(np.asarray(data[key]).T.copy()) for name, key in names.items()})
     return network

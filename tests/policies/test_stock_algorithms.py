@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from hemispheric_models import STOCK, arm, make_model, optimizers
+from hemispheric_models import STOCK, arm, assert_same_weights, make_model, optimizers
 from stable_baselines3 import A2C, PPO, SAC, TD3
 
 from bilateral_rl.policies import (
@@ -30,12 +30,6 @@ SINGLE = {PPO: {"batch_size": 20}, A2C: {}, SAC: {"learning_starts": 8}, TD3: {"
 
 assert set(ALGORITHMS) == set(STOCK.values())
 algorithms = pytest.mark.parametrize("algorithm", ALGORITHMS)
-
-
-def assert_same_weights(a, b):
-    assert a.state_dict().keys() == b.state_dict().keys()
-    for name, value in a.state_dict().items():
-        assert torch.equal(value, b.state_dict()[name]), name
 
 
 @algorithms

@@ -7,6 +7,7 @@ from gymnasium import spaces
 from hemispheric_models import (
     ALGORITHMS,
     OFF_POLICY,
+    PENALTY_ON_GROUP,
     STOCK,
     WHOLE_ROLLOUT,
     RandomEnds,
@@ -57,12 +58,6 @@ def test_every_parameter_is_trained_and_in_one_group_with_a_share(algorithm, pol
 @each_loss
 def test_the_weight_penalty_touches_exactly_the_groups_it_names(algorithm, policy, loss):
     coefficient = 0.3
-    factor = {
-        "combined": {"dominant": 1.0, "non_dominant": 1.0, "shared": 1.0},
-        "dominant": {"dominant": 0.0, "non_dominant": 0.0, "shared": 0.0},
-        "non_dominant": {"dominant": 2.0, "non_dominant": 2.0, "shared": 2.0},
-        "specialized": {"dominant": 0.0, "non_dominant": 2.0, "shared": 1.0},
-    }[loss]
     # A standard deviation other than 1, whose logarithm would feel a penalty.
     settings = WHOLE_ROLLOUT[algorithm] | {"policy_kwargs": {"log_std_init": -1.0}}
     gradients = []
@@ -74,7 +69,7 @@ def test_the_weight_penalty_touches_exactly_the_groups_it_names(algorithm, polic
     values, network = named_parameters(model), {id(p) for p in model.policy.motor_network.parameters()}
     for group, names in names_by_group(model).items():
         for name in names:
-            weight = factor[group] if id(values[name]) in network else 0.0
+            weight = PENALTY_ON_GROUP[loss][group] if id(values[name]) in network else 0.0
             expected = without[name] + weight * coefficient * values[name].detach()
             if weight:
                 torch.testing.assert_close(with_penalty[name], expected, rtol=1e-5, atol=1e-7)

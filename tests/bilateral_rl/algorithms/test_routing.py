@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 import torch
+from hemispheric_models import PENALTY_ON_GROUP
 from torch import nn
 
 from bilateral_rl.algorithms.routing import (
@@ -17,14 +18,6 @@ from bilateral_rl.policies import ARCHITECTURES, make_network
 from bilateral_rl.vocabulary import LOSSES, group_penalties, stream_mix, stream_names
 
 NETWORK_GROUPS = ("dominant", "non_dominant", "shared")
-# Paper section 4: the weight penalty weighs 0 in the dominant, 2 in the non-dominant, 1 in the combined loss; a
-# specialized model routes it like the rest.
-PENALTIES = {
-    "combined": {"dominant": 1.0, "non_dominant": 1.0, "shared": 1.0},
-    "dominant": {"dominant": 0.0, "non_dominant": 0.0, "shared": 0.0},
-    "non_dominant": {"dominant": 2.0, "non_dominant": 2.0, "shared": 2.0},
-    "specialized": {"dominant": 0.0, "non_dominant": 2.0, "shared": 1.0},
-}
 
 
 class TwoStreams(nn.Module):
@@ -139,7 +132,7 @@ def test_a_lesioned_side_gets_no_gradient_unless_it_speaks_over_the_callosum(arc
 
 
 def test_the_penalty_weighs_on_each_group_as_the_paper_says():
-    assert {loss: group_penalties(loss) for loss in LOSSES} == PENALTIES
+    assert {loss: group_penalties(loss) for loss in LOSSES} == PENALTY_ON_GROUP
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -151,7 +144,7 @@ def test_the_penaltys_gradient_is_autograds_of_half_the_squared_weights(loss):
             parameter.add_(0.1)
     groups = model.parameter_groups()
     penalty = sum(
-        coefficient * PENALTIES[loss][name] * 0.5 * sum(p.square().sum() for p in group)
+        coefficient * PENALTY_ON_GROUP[loss][name] * 0.5 * sum(p.square().sum() for p in group)
         for name, group in groups.items()
     )
     parameters = [p for name in NETWORK_GROUPS for p in groups[name]]

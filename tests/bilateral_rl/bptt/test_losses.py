@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 import torch
+from hemispheric_models import PENALTY_ON_GROUP
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
@@ -29,13 +30,6 @@ STREAMS_OF_MODEL = {
     "bi_s": [DOMINANT, NON_DOMINANT],
     "cc_ns": [COMBINED],
     "cc_s": [DOMINANT, NON_DOMINANT],
-}
-# How often the penalty λ/2 Σ w² counts in what moves each group.
-PENALTY_ON_GROUP = {
-    "combined": {"dominant": 1.0, "non_dominant": 1.0, "shared": 1.0},
-    "dominant": {"dominant": 0.0, "non_dominant": 0.0, "shared": 0.0},
-    "non_dominant": {"dominant": 2.0, "non_dominant": 2.0, "shared": 2.0},
-    "specialized": {"dominant": 0.0, "non_dominant": 2.0, "shared": 1.0},
 }
 OPTIMAL_LENGTH = (0.12, 0.15, 0.09, 0.10, 0.13, 0.14)
 OTHER_ARM = ArmParameters(timestep=0.008, normalized_max_velocity=8.0, optimal_muscle_length=OPTIMAL_LENGTH)

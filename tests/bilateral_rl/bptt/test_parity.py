@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from released_names import released_name
 
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
@@ -26,21 +27,6 @@ STREAMS = {1: ["loss"], 2: ["dominant", "nondominant"]}
 LOSS_BOUND = 3e-6
 # Largest difference of a row of the muscle state: activation, length, velocity, the three curves, force (N).
 MUSCLE_BOUNDS = [3e-6, 2e-6, 2e-5, 1e-5, 3e-5, 2e-5, 0.03]
-
-
-def released_name(name):
-    """The released code's name of our parameter ``name``, but for what stands before it."""
-    combination = {"combination_dominant": "wtAdd_w1", "combination_non_dominant": "wtAdd_w2"}
-    if name in combination:
-        return combination[name]
-    *module, kind = name.split(".")
-    layers = {
-        "output": "output_layer",
-        "hidden": f"hidden_layer_{module[-1]}",
-        "dominant": f"hidden_l_{module[-1]}",
-        "non_dominant": f"hidden_r_{module[-1]}",
-    }
-    return f"{layers[module[0]]}/{'kernel' if kind == 'weight' else 'bias'}"
 
 
 def under(reference, prefix):
