@@ -83,13 +83,12 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Args:
         task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
         render_mode: None, ``"rgb_array"`` or ``"human"``.
-        **settings: fields of :class:`~bilateral_rl.envs.trials.TrialSettings`: ``trial_length=50`` (steps),
+        **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`: ``trial_length=50`` (steps),
             ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``sensory_noise=0.0``, ``motor_noise=0.0``,
             ``feedback_delay=0`` (steps), ``arm=ArmParameters()``.
 
     Raises:
-        ValueError: an unknown task or render mode, or a setting outside its range.
-        TypeError: an unknown setting.
+        ValueError: an unknown task, render mode or setting, or a setting outside its range.
 
     ## Version history
 

@@ -44,7 +44,7 @@ class ArmVecEnv(VecEnv):
         render_mode: None, ``"rgb_array"`` or ``"human"``.
         device: where the arms are simulated, ``"cpu"`` or a CUDA device; observations arrive as NumPy arrays.
         seed: arm i uses ``seed + i``, so its trials are those of an ``ArmEnv`` reset with that seed.
-        **settings: fields of :class:`~bilateral_rl.envs.trials.TrialSettings`.
+        **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`.
     """
 
     metadata: dict[str, Any] = ArmEnv.metadata

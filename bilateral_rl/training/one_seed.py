@@ -1,8 +1,8 @@
 """The process of one seed of a run: ``python -m bilateral_rl.training.one_seed FOLDER``.
 
 It trains, or goes on with, the run FOLDER, whose configuration lies there. Standard output carries messages, a JSON
-object a line (:data:`Message`); the end of standard input asks it to save and stop, be it that the run is stopped or
-that the process that started this one is no more.
+object a line (:data:`Message`); the end of standard input asks it to save and stop: either the run is stopped, or the
+process that started this one has ended.
 """
 
 from __future__ import annotations
@@ -62,12 +62,13 @@ def main() -> int:
     try:
         threading.Thread(target=_stop_at_the_end_of, args=(sys.stdin,), daemon=True).start()
         outcome = train_in(RunFolder.open(Path(sys.argv[1])), progress)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is over, and what asks it to stop comes too late
+        progress.send({"done": outcome.done, "notes": outcome.notes})
     except UserError as error:
         progress.send({"error": str(error)})
         return 2
     except KeyboardInterrupt:
         return 130
-    progress.send({"done": outcome.done, "notes": outcome.notes})
     return 0
 
 

@@ -171,6 +171,7 @@ class SideBySideLearner(Learner):
 
     def _end(self, seed: int, process: _SeedProcess, is_asked: bool) -> None:
         code, notes = process.code, self._notes.setdefault(seed, [])
+        self._done[seed] = self._child_status(seed).get("timesteps", 0)  # what is saved, said or not
         if not (self._is_over(seed) or is_asked or notes):  # killed, or a fault of the program, which it has printed
             notes.append(f"The process of seed {seed} ended early, with exit code {code}.")
 

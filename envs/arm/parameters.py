@@ -15,7 +15,6 @@ MUSCLE_NAMES = ("pectoralis", "deltoid", "brachioradialis", "triceps lateral", "
 """The six lumped muscles, in the order of every array's last axis."""
 
 N_MUSCLES = len(MUSCLE_NAMES)
-N_JOINTS = 2
 
 PerJoint = tuple[Number, Number]
 PositivePerJoint = tuple[Positive, Positive]
