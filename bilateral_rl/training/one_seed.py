@@ -19,6 +19,7 @@ from typing import Any, TextIO
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.training.learner import Diverged
 from bilateral_rl.training.progress import Progress
 from bilateral_rl.training.run import train_in
 
@@ -65,7 +66,8 @@ def main() -> int:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it is over, and what asks it to stop comes too late
         progress.send({"done": outcome.done, "notes": outcome.notes})
     except UserError as error:
-        progress.send({"error": str(error)})
+        divergence = error.__cause__  # without what follows it, which the run itself says of all its seeds
+        progress.send({"error": str(divergence if isinstance(divergence, Diverged) else error)})
         return 2
     except KeyboardInterrupt:
         return 130
