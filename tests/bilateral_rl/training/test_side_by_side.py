@@ -84,17 +84,17 @@ def test_more_timesteps_that_are_stopped_in_between_bring_what_they_bring_each_s
     folder = RunFolder(shutil.copytree(watched[0].folder.path, tmp_path / "run"))
     with pytest.raises(UserError, match=r"1,600 steps of every seed.*--timesteps"):
         resume(folder, config)
-    longer = with_values(config, timesteps=2_400)
+    longer = with_values(config, timesteps=3_200)
     outcome = resume(folder, longer, Watch(stop_at=3_201))
     assert outcome.stopped_by == signal.SIGINT
-    assert 3_200 < outcome.done < 4_800
+    assert 3_200 < outcome.done < 6_400
     assert folder.status()["state"] == "interrupted"
     outcome = resume(folder, longer)
     assert outcome.stopped_by is None
-    assert [(entry["state"], entry["timesteps"]) for entry in folder.status()["seeds"]] == [("finished", 2_400)] * 2
+    assert [(entry["state"], entry["timesteps"]) for entry in folder.status()["seeds"]] == [("finished", 3_200)] * 2
     for seed in SEEDS:
         expected = RunFolder(shutil.copytree(alone[seed].path, tmp_path / f"{seed}"))
-        resume(expected, with_values(expected.config(), timesteps=2_400))
+        resume(expected, with_values(expected.config(), timesteps=3_200))
         assert differences(child(folder, seed), expected) == []
 
 
