@@ -6,13 +6,13 @@ from pathlib import Path
 
 import other_systems
 
-TRAIN = "train --timesteps 2000 --n-envs 4 --set ppo.n_steps=10 --set ppo.batch_size=20"
+TRAIN = "train --timesteps 400 --n-envs 4 --set ppo.n_steps=10 --set ppo.batch_size=20"
 TRAIN_SUPERVISED = "train --algo bptt --epochs 1 --set bptt.trials=64 --set bptt.validation_trials=8 --set threads=0"
 RUN, SUPERVISED = "runs/random_reach/cc_s-ppo-1", "runs/random_reach/cc_s-bptt-1"
 COMMANDS = [
     TRAIN,
     TRAIN_SUPERVISED,
-    f"train --resume {RUN} --timesteps 4000",
+    f"train --resume {RUN} --timesteps 800",
     f"train --resume {SUPERVISED} --epochs 2",
     f"evaluate {RUN} --trials 4",
     f"evaluate {SUPERVISED} --trials 4",
