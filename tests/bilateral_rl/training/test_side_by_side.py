@@ -154,7 +154,7 @@ def processes(monkeypatch):
 
 
 def test_a_training_is_not_finished_if_the_process_of_a_seed_ends_early(config, tmp_path, processes):
-    longer = with_values(config, timesteps=32_000, evaluation={"every": 8_000, "checkpoint_every": 8_000})
+    longer = with_values(config, timesteps=8_000, evaluation={"every": 2_000, "checkpoint_every": 2_000})
     watch = Assassin(processes, tmp_path)
     with pytest.raises(UserError, match=r"seed 0 ended early, with exit code .*train --resume \S*cc_s-ppo-1"):
         train(longer, tmp_path, watch)
@@ -163,7 +163,7 @@ def test_a_training_is_not_finished_if_the_process_of_a_seed_ends_early(config, 
     assert (status["state"], status["seeds"][1]["state"]) == ("interrupted", "finished")
     assert any(status["state"] == "running" and status["timesteps"] for status in watch.statuses)  # for `list`
     resume(folder, longer)
-    assert [entry["timesteps"] for entry in folder.status()["seeds"]] == [32_000, 32_000]
+    assert [entry["timesteps"] for entry in folder.status()["seeds"]] == [8_000, 8_000]
 
 
 def test_the_process_of_a_seed_stops_where_interrupts_were_ignored_when_it_began(config, tmp_path):
