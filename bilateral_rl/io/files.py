@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -110,6 +111,16 @@ def remove_left_over(folder: Path) -> None:
     for path in folder.glob(f".*{_TEMPORARY}"):
         with contextlib.suppress(OSError):
             path.unlink()
+
+
+@contextlib.contextmanager
+def removed_if_it_fails(folder: Path) -> Iterator[None]:
+    """A context at whose failure, of whatever kind, ``folder`` is removed with all that is in it."""
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def _too_large(path: Path, most: int) -> UserError:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
 
 FINAL, BEST = "final", "best"
 """The names of a run's weights at its end and at its best evaluation."""
+RESUME = "resume.safetensors"
+"""The file from which a training goes on."""
 RUNNING, FINISHED, INTERRUPTED, FAILED, IMPORTED = "running", "finished", "interrupted", "failed", "imported"
 """The states of a run, as ``status.json`` names them."""
 _LARGEST_JSON, _LARGEST_WEIGHTS, _LARGEST_RESUME = 2**20, 2**30, 2**32
@@ -57,7 +58,7 @@ class RunFolder:
         try:
             parent.mkdir(parents=True, exist_ok=True)
             folder = cls(_next_free(parent, f"{config.model}-{config.algo}"))
-            with _removed_if_it_fails(folder.path):
+            with files.removed_if_it_fails(folder.path):
                 folder.begin(config)
         except OSError as error:
             raise UserError(f"Cannot write a run under {out}: {error.strerror}. Choose another --out.") from None
@@ -175,15 +176,20 @@ class RunFolder:
         """List the names that :meth:`load_weights` takes."""
         return sorted(path.stem for path in (self.path / "weights").glob("*.safetensors"))
 
+    @property
+    def is_saved(self) -> bool:
+        """Whether its training was saved before it stopped, so that it can go on."""
+        return (self.path / RESUME).is_file()
+
     def save_resume(self, tensors: Tensors) -> None:
         """Write ``resume.safetensors``, what ``--resume`` needs beside the weights. Raises OSError."""
-        self._write_tensors("resume.safetensors", tensors)
+        self._write_tensors(RESUME, tensors)
 
     def load_resume(self) -> Tensors:
         """Read what :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
         from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
 
-        path = self.path / "resume.safetensors"
+        path = self.path / RESUME
         try:
             return tensor_files.load(path, _LARGEST_RESUME, within=self.path)
         except FileNotFoundError:
@@ -220,15 +226,6 @@ def find_runs(out: Path) -> list[RunFolder]:
     # Not glob("*/*/config.yaml"): versions of Python differ in whether that finds a link that leads nowhere.
     configs = [path for folder in out.glob("*/*") if os.path.lexists(path := folder / "config.yaml")]
     return [RunFolder(path.parent) for path in sorted(configs, key=_natural)]
-
-
-@contextlib.contextmanager
-def _removed_if_it_fails(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
 
 
 def _next_free(parent: Path, stem: str) -> Path:

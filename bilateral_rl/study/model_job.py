@@ -81,17 +81,12 @@ def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunF
     if run and state == FAILED:
         raise UserError(f"The training {run.path} failed before; remove that folder to try again.")
     watch = _Watch(config, progress)
-    if run and _is_saved(run):
+    if run and run.is_saved:
         return _finished(training.resume(run, config, watch))
     if run:
         with run.locked():  # not while another process has just begun to train there
             shutil.rmtree(run.path)
     return _finished(training.train(config, runs, watch))
-
-
-def _is_saved(run: RunFolder) -> bool:
-    """Whether it was saved before it stopped, so that it can go on."""
-    return (run.path / "resume.safetensors").is_file()
 
 
 def _finished(outcome: Outcome) -> RunFolder:

@@ -6,9 +6,6 @@ Everything that can be refused before a folder is made or a training announced i
 
 from __future__ import annotations
 
-import contextlib
-import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,13 +13,14 @@ import torch
 
 from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.files import removed_if_it_fails
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.runs.folder import IMPORTED, RunFolder
 from bilateral_rl.runs.policies import initial_states
 from bilateral_rl.training.learner import Learner
 from bilateral_rl.training.progress import UNWATCHED, Outcome, Progress
 from bilateral_rl.training.rl import RLLearner
-from bilateral_rl.training.session import RESUME, Session, explaining_write_failures
+from bilateral_rl.training.session import Session, explaining_write_failures
 from bilateral_rl.training.side_by_side import SideBySideLearner
 from bilateral_rl.training.supervised import SupervisedLearner
 from bilateral_rl.training.tracking import check_tracking
@@ -86,7 +84,7 @@ def run(prepared: Prepared, out: Path, progress: Progress = UNWATCHED) -> Outcom
 def _begin(folder: RunFolder, prepared: Prepared, progress: Progress) -> Outcome:
     config = prepared.config
     with folder.locked(), explaining_write_failures(folder):
-        with _removed_if_it_fails(folder):
+        with removed_if_it_fails(folder.path):
             learner = _make_learner(config, folder, prepared.initial)
         return Session(folder, config, learner, progress).go()
 
@@ -104,7 +102,7 @@ def resume(folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHE
 def train_in(folder: RunFolder, progress: Progress = UNWATCHED) -> Outcome:
     """Begin, or go on with, the training whose configuration lies in ``folder``; it raises what the others raise."""
     config = folder.config()
-    if (folder.path / RESUME).is_file():
+    if folder.is_saved:
         return resume(folder, config, progress)
     return _begin(folder, prepare(config), progress)
 
@@ -134,12 +132,3 @@ def check_device(device: str) -> None:
         raise UserError("There is no CUDA device here; use --device cpu.")
     if number and int(number) >= n_devices:
         raise UserError(f"There is no device {device} here; the last one is cuda:{n_devices - 1}.")
-
-
-@contextlib.contextmanager
-def _removed_if_it_fails(folder: RunFolder) -> Iterator[None]:
-    try:
-        yield
-    except BaseException:
-        shutil.rmtree(folder.path, ignore_errors=True)
-        raise

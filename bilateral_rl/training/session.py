@@ -13,11 +13,10 @@ import torch
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
-from bilateral_rl.runs.folder import BEST, FAILED, FINISHED, INTERRUPTED, RUNNING, RunFolder
+from bilateral_rl.runs.folder import BEST, FAILED, FINISHED, INTERRUPTED, RESUME, RUNNING, RunFolder
 from bilateral_rl.training.learner import Diverged, Learner, Moment
 from bilateral_rl.training.progress import UNWATCHED, Outcome, Progress, StopRequest
 
-RESUME = "resume.safetensors"
 _EARLY = "torch_random_state"
 """Name of a tensor in what early runs of version 0.1.0 saved for resuming: weights apart, and no environment."""
 _LOG_SIZES = "file."
@@ -49,7 +48,7 @@ class Session:
             UserError: nothing was saved, it is damaged, or there is nothing left to do; the folder is as it was.
         """
         folder, learner = self._folder, self._learner
-        if not (folder.path / RESUME).exists() and "weights" not in folder.status():
+        if not folder.is_saved and "weights" not in folder.status():
             again = f"bilateral-rl train --config {folder.path / 'config.yaml'}"
             raise UserError(f"{folder.path} stopped before it was first saved; start anew with `{again}`.")
         tensors = folder.load_resume()
@@ -214,7 +213,7 @@ def explaining_write_failures(folder: RunFolder) -> Iterator[None]:
 
 
 def _what_is_saved(folder: RunFolder) -> str:
-    if not (folder.path / RESUME).exists():
+    if not folder.is_saved:
         return "Nothing was saved yet; start anew once there is room, or with another --out."
     status = folder.status()
     done = f"{status['epochs']:,} epochs" if "epochs" in status else f"{status.get('timesteps', 0):,} steps"

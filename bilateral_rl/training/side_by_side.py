@@ -30,7 +30,6 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.runs.folder import BEST, FAILED, FINAL, FINISHED, RunFolder
 from bilateral_rl.runs.policies import load_policies, stack_states
 from bilateral_rl.training.learner import Diverged, Learner, Moment, Watcher
-from bilateral_rl.training.session import RESUME
 
 Event = tuple[int, dict[str, Any] | None]
 """A seed and its message; None at the end of its process."""
@@ -101,7 +100,7 @@ class SideBySideLearner(Learner):
         """Make the folders of the seeds, and let those that go on know the end that the run sets."""
         for seed in self._done:
             child, config = self._child(seed), self._config_of(seed)
-            if (child.path / RESUME).is_file():
+            if child.is_saved:
                 child.write_config(config)
             else:  # it was never saved
                 shutil.rmtree(child.path, ignore_errors=True)
