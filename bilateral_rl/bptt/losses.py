@@ -110,8 +110,8 @@ class StreamLosses:
 
         if self.penalty == "activity":
             return TrajectoryGradients(hidden=by_stream(torch.stack(parts, dim=3)))
-        # Kind ``released``: parts are those of joint, muscle, proprioception and hand, as many as there are hidden layers.
-        # With one, the muscles' is missing and zero; what is sensed is part of the muscles' state, and joins it.
+        # Kind ``released``: the parts of joint, muscle, proprioception and hand, as many as there are hidden layers.
+        # With one layer the muscles' is missing: zero. What is sensed is part of the muscles' state, and joins it.
         parts += [torch.zeros_like(x) for x in (rollout.joint, rollout.muscle)][len(parts) :]
         joint, muscle = parts[:2]
         if len(parts) > 2:

@@ -122,10 +122,10 @@ class Rollout:
         """
         a, upstream = self._arrays, upstream or TrajectoryGradients()
         a.upstream_terms.copy_(term_weights)
-        rooms = (a.upstream_joint, a.upstream_muscle, a.upstream_hand, a.upstream_hidden)
-        for room, gradient in zip(rooms, upstream, strict=True):
-            if room.numel():
-                room.zero_() if gradient is None else room.copy_(gradient.reshape(room.shape))
+        arrays = (a.upstream_joint, a.upstream_muscle, a.upstream_hand, a.upstream_hidden)
+        for array, gradient in zip(arrays, upstream, strict=True):
+            if array.numel():
+                array.zero_() if gradient is None else array.copy_(gradient.reshape(array.shape))
             elif gradient is not None:
                 raise ValueError("the rollout was made without room for gradients of states or of activity.")
         self._launch(self._backward)

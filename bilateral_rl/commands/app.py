@@ -112,7 +112,7 @@ def train(
         )
     else:
         others = {"algo": algo, "model": model, "task": task, "config": config, "set": overrides or None, "out": out}
-        command.resume(path=resume, given=flags | others, console=console)
+        command.resume(path=resume, requested=flags | others, console=console)
 
 
 @app.command()

@@ -45,18 +45,18 @@ def train(
     _run(training.prepare(config), out, console)
 
 
-def resume(path: Path, given: Mapping[str, Any], console: Console) -> None:
+def resume(path: Path, requested: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
-    _refuse_but(("timesteps", "epochs", "track", "device"), given)
+    _refuse_but(("timesteps", "epochs", "track", "device"), requested)
     folder, seed = parse_run(str(path))
     if seed is not None:
         raise UserError(f"--resume goes on with the whole run: give it {folder.path}, without :{seed}.")
     values = folder.config().to_values()
     allowed = [name for name in ("timesteps", "epochs", "track", "device") if name in values]
-    _refuse_but(allowed, given)
+    _refuse_but(allowed, requested)
     if "track" in values:
         values["track"] = False  # the run may be somebody else's: who goes on with it says whether it is tracked
-    config = resolve(None, None, [values | {name: given[name] for name in allowed if given[name] is not None}])
+    config = resolve(None, None, [values | {name: requested[name] for name in allowed if requested[name] is not None}])
     _run(training.prepare_resume(folder, config), folder.path.parent.parent, console)
 
 
@@ -69,8 +69,8 @@ def _run(prepared: training.Prepared, out: Path, console: Console) -> None:
     _report(config, outcome, console)
 
 
-def _refuse_but(allowed: Sequence[str], given: Mapping[str, Any]) -> None:
-    for name, value in given.items():
+def _refuse_but(allowed: Sequence[str], requested: Mapping[str, Any]) -> None:
+    for name, value in requested.items():
         if value is not None and name not in allowed:
             flag = name.rpartition(".")[2].replace("_", "-")
             flags = ", ".join(f"--{one}" for one in allowed)

@@ -170,12 +170,13 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
         return None
     folder, seed = parse_run(config.init_from)
     source = folder.config()
-    here, there = config.spec.architecture, source.spec.architecture
+    architecture, source_architecture = config.spec.architecture, source.spec.architecture
     sizes = [(c.network.units, c.network.layers) for c in (config, source)]
-    if here != there or sizes[0] != sizes[1]:
+    if architecture != source_architecture or sizes[0] != sizes[1]:
         raise UserError(
-            f"{folder.path} holds {there} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and {config.model} "
-            f"here is {here}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from needs the same."
+            f"{folder.path} holds {source_architecture} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and "
+            f"{config.model} here is {architecture}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from "
+            "needs the same."
         )
     states = network_states(folder)
     if seed is None and len(states) == 1:

@@ -146,9 +146,9 @@ def _set_moments(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     if unknown := sorted(key for key in stored if key.rsplit(".", 2)[0] not in optimizers):
         raise ValueError(f"it holds an unknown optimizer.{unknown[0]}")
     for name, optimizer in optimizers.items():
-        of_this = {key.removeprefix(f"{name}."): t for key, t in stored.items() if key.rsplit(".", 2)[0] == name}
+        moments = {key.removeprefix(f"{name}."): t for key, t in stored.items() if key.rsplit(".", 2)[0] == name}
         groups = optimizer.state_dict()["param_groups"]
-        optimizer.load_state_dict({"state": _optimizer_state(optimizer, of_this), "param_groups": groups})
+        optimizer.load_state_dict({"state": _optimizer_state(optimizer, moments), "param_groups": groups})
 
 
 def _optimizer_state(optimizer: torch.optim.Optimizer, stored: Tensors) -> dict[int, dict[str, Any]]:

@@ -129,7 +129,7 @@ class SupervisedLearner(Learner):
                 values = dict(zip(self._columns, last[i].tolist(), strict=True))
                 values |= {name: float(t[i]) for name, t in combination.items() if name.startswith("combination_")}
                 self._board.write(seed, state.epoch, values)
-        # (S, columns): what each seed's last epoch brought, be it long ago.
+        # (S, columns): what each seed's last epoch brought, even if that was long ago.
         latest = state.history[torch.arange(len(self._seeds)), (state.epochs - 1).clamp(min=0)]
         means = dict(zip(self._columns, latest.nanmean(0).tolist(), strict=True))
         # The state itself keeps each seed's best weights.

@@ -106,8 +106,10 @@ class Tracking(KVWriter):
         except Exception as error:
             self._fail(error)
             return None
-        place = shlex.quote(str(Path(run.dir).parent))
-        self.notes.append(f"Weights & Biases was not reached ({reason}); `wandb sync {place}` sends what it would get.")
+        folder = shlex.quote(str(Path(run.dir).parent))
+        self.notes.append(
+            f"Weights & Biases was not reached ({reason}); `wandb sync {folder}` sends what it would get."
+        )
         return run
 
     def _loggable(self, value: Any) -> Any:
