@@ -8,6 +8,7 @@ process that started this one has ended.
 from __future__ import annotations
 
 import _thread
+import contextlib
 import json
 import os
 import signal
@@ -15,7 +16,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO, cast
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
@@ -31,9 +32,13 @@ _INTERVAL = 0.2
 
 
 class MessageProgress(Progress):
-    """Sends messages, but not so often that their reader has work with them."""
+    """Sends messages, but not so often that their reader has work with them.
 
-    def __init__(self, output: TextIO) -> None:
+    Args:
+        output: an unbuffered pipe.
+    """
+
+    def __init__(self, output: BinaryIO) -> None:
         self._output, self._sent = output, -_INTERVAL
 
     def on_start(self, done: int) -> None:
@@ -47,19 +52,20 @@ class MessageProgress(Progress):
         self.send({"done": done, "measures": measures})
 
     def send(self, message: Message) -> None:
-        """Write one message."""
+        """Write one message, if there is still somebody to read it."""
         self._sent = time.monotonic()
-        self._output.write(json.dumps(message) + "\n")
-        self._output.flush()
+        # Should the process that started this one have ended, standard input says so, and all is saved before the end.
+        with contextlib.suppress(OSError):
+            self._output.write(f"{json.dumps(message)}\n".encode())
 
 
 def main() -> int:
     """Train the run that the arguments name; the exit code."""
     # Whatever prints something goes to the error stream, and not among the messages.
-    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    output = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # shells let background processes ignore it
-    progress = MessageProgress(output)
+    progress = MessageProgress(cast(BinaryIO, output))
     try:
         threading.Thread(target=_stop_at_the_end_of, args=(sys.stdin,), daemon=True).start()
         outcome = train_in(RunFolder.open(Path(sys.argv[1])), progress)

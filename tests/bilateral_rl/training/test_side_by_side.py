@@ -17,6 +17,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder, find_runs
 from bilateral_rl.runs.policies import load_policies, network_states
 from bilateral_rl.training import side_by_side
+from bilateral_rl.training.one_seed import MessageProgress
 from bilateral_rl.training.run import resume, train
 
 SEEDS = [0, 1]
@@ -181,6 +182,14 @@ def test_the_process_of_a_seed_stops_where_interrupts_were_ignored_when_it_began
     finally:
         process.kill()
         process.wait()
+
+
+def test_a_message_that_nobody_reads_any_more_stops_nothing():
+    """A seed whose run was killed would otherwise lose what it has not saved yet."""
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "wb", buffering=0) as output:
+        MessageProgress(output).on_evaluation(1, {})
 
 
 def test_a_training_that_diverges_in_every_seed_is_one_error_that_names_them(config, tmp_path):
