@@ -140,7 +140,7 @@ def test_resume_goes_on_to_more_epochs(call, trained):
 
 
 MISTAKES = [
-    (["train", "--resume", RUN, "--timesteps", "1000"], "--epochs and --device here, not --timesteps"),
+    (["train", "--resume", RUN, "--timesteps", "1000"], "here, not --timesteps"),
     (["train", "--resume", RUN, "--seeds", "4"], "not --seeds"),
     (["train", "--resume", RUN, "--profile", "released"], "not --profile"),
     (["train", "--resume", RUN, "--init-from", RUN], "not --init-from"),
