@@ -81,12 +81,13 @@ def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunF
     if run and state == FAILED:
         raise UserError(f"The training {run.path} failed before; remove that folder to try again.")
     watch = _Watch(config, progress)
+    # The jobs of a study fill the cores: seeds that are one job train one after the other.
     if run and run.is_saved:
-        return _finished(training.resume(run, config, watch))
+        return _finished(training.resume(run, config, watch, at_once=1))
     if run:
         with run.locked():  # not while another process has just begun to train there
             shutil.rmtree(run.path)
-    return _finished(training.train(config, runs, watch))
+    return _finished(training.train(config, runs, watch, at_once=1))
 
 
 def _finished(outcome: Outcome) -> RunFolder:

@@ -62,11 +62,17 @@ def prepare_resume(folder: RunFolder, config: TrainConfig) -> Prepared:
     return Prepared(config, folder)
 
 
-def run(prepared: Prepared, out: Path, progress: Progress = UNWATCHED) -> Outcome:
+def run(prepared: Prepared, out: Path, progress: Progress = UNWATCHED, at_once: int | None = None) -> Outcome:
     """Train into a new folder below ``out``, or go on in the prepared one.
 
     Going on, everything continues: on the same machine, with the same total, it ends with the bits of a training that
     was never stopped. A larger total stretches the schedules of a reinforcement learning.
+
+    Args:
+        prepared: the training.
+        out: the folder of all runs.
+        progress: who is told.
+        at_once: how many seeds of a reinforcement learning train at a time; None for as many as there are cores.
 
     Raises:
         UserError: a folder that cannot be written or that another process is at; a training that diverged; going on, a
@@ -74,29 +80,31 @@ def run(prepared: Prepared, out: Path, progress: Progress = UNWATCHED) -> Outcom
     """
     config, folder = prepared.config, prepared.folder
     if folder is None:
-        return _begin(RunFolder.create(out, config), prepared, progress)
+        return _begin(RunFolder.create(out, config), prepared, progress, at_once)
     with folder.locked(), explaining_write_failures(folder):
-        session = Session(folder, config, _make_learner(config, folder), progress)
+        session = Session(folder, config, _make_learner(config, folder, at_once=at_once), progress)
         session.restore()
         return session.go()
 
 
-def _begin(folder: RunFolder, prepared: Prepared, progress: Progress) -> Outcome:
+def _begin(folder: RunFolder, prepared: Prepared, progress: Progress, at_once: int | None = None) -> Outcome:
     config = prepared.config
     with folder.locked(), explaining_write_failures(folder):
         with removed_if_it_fails(folder.path):
-            learner = _make_learner(config, folder, prepared.initial)
+            learner = _make_learner(config, folder, prepared.initial, at_once)
         return Session(folder, config, learner, progress).go()
 
 
-def train(config: TrainConfig, out: Path, progress: Progress = UNWATCHED) -> Outcome:
+def train(config: TrainConfig, out: Path, progress: Progress = UNWATCHED, at_once: int | None = None) -> Outcome:
     """Prepare and run a new training below ``out``. Raises UserError as :func:`prepare` and :func:`run` do."""
-    return run(prepare(config), out, progress)
+    return run(prepare(config), out, progress, at_once)
 
 
-def resume(folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHED) -> Outcome:
+def resume(
+    folder: RunFolder, config: TrainConfig, progress: Progress = UNWATCHED, at_once: int | None = None
+) -> Outcome:
     """Prepare and run the rest of a training. Raises UserError as :func:`prepare_resume` and :func:`run` do."""
-    return run(prepare_resume(folder, config), folder.path.parent.parent, progress)
+    return run(prepare_resume(folder, config), folder.path.parent.parent, progress, at_once)
 
 
 def train_in(folder: RunFolder, progress: Progress = UNWATCHED) -> Outcome:
@@ -107,12 +115,17 @@ def train_in(folder: RunFolder, progress: Progress = UNWATCHED) -> Outcome:
     return _begin(folder, prepare(config), progress)
 
 
-def _make_learner(config: TrainConfig, folder: RunFolder, initial: dict[int, Tensors] | None = None) -> Learner:
+def _make_learner(
+    config: TrainConfig,
+    folder: RunFolder,
+    initial: dict[int, Tensors] | None = None,
+    at_once: int | None = None,
+) -> Learner:
     if isinstance(config, BPTTConfig):
         return SupervisedLearner(config, initial)
     assert isinstance(config, RLConfig)
     if config.seeds > 1:
-        return SideBySideLearner(config, folder)
+        return SideBySideLearner(config, folder, at_once)
     return RLLearner(config, folder, initial[config.seed] if initial else None)
 
 

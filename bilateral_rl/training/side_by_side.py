@@ -44,12 +44,14 @@ class SideBySideLearner(Learner):
     Args:
         config: of the training.
         folder: of the run.
+        at_once: how many seeds train at a time; None for as many as there are cores.
     """
 
     evaluation_every = 0
 
-    def __init__(self, config: RLConfig, folder: RunFolder) -> None:
+    def __init__(self, config: RLConfig, folder: RunFolder, at_once: int | None = None) -> None:
         self._config, self._folder = config, folder
+        self._at_once = at_once or max(1, usable_cpus() // config.threads)
         self.checkpoint_every = config.evaluation.checkpoint_every
         self._done = dict.fromkeys(config.all_seeds, 0)
         self._notes: dict[int, list[str]] = {}
@@ -111,13 +113,12 @@ class SideBySideLearner(Learner):
 
     def learn(self, watcher: Watcher) -> bool:
         waiting = [seed for seed in self._done if not self._is_finished(seed)]
-        at_once = max(1, usable_cpus() // self._config.threads)
         running: dict[int, _SeedProcess] = {}
         events: queue.Queue[Event] = queue.Queue()
         goes_on = watcher.between()
         try:
             while running or (goes_on and waiting):
-                while goes_on and waiting and len(running) < at_once:
+                while goes_on and waiting and len(running) < self._at_once:
                     seed = waiting.pop(0)
                     running[seed] = _SeedProcess(seed, self._child(seed).path, events)
                 with contextlib.suppress(queue.Empty):

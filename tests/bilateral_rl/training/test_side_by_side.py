@@ -19,6 +19,7 @@ from bilateral_rl.runs.policies import load_policies, network_states
 from bilateral_rl.training import side_by_side
 from bilateral_rl.training.one_seed import MessageProgress
 from bilateral_rl.training.run import resume, train
+from bilateral_rl.training.side_by_side import SideBySideLearner
 
 SEEDS = [0, 1]
 
@@ -219,3 +220,39 @@ def test_all_commands_take_such_a_run_and_each_of_its_seeds(watched, tmp_path, c
     few = ["bptt.trials=32", "bptt.batch_size=16", "bptt.validation_trials=8", "trial.trial_length=20"]
     code, _, err = call(*begun, *(word for item in few for word in ("--set", item)))
     assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize(("at_once", "expected"), [(1, [1, 1]), (2, [1, 2])])
+def test_as_many_seeds_train_at_a_time_as_is_asked_for(config, tmp_path, monkeypatch, at_once, expected):
+    learner = SideBySideLearner(config, RunFolder(tmp_path), at_once)
+    learner.open(RunFolder(tmp_path))
+    alive, most = set(), []
+
+    class Process:
+        """Ends at once; its end is known when its exit code is asked for."""
+
+        def __init__(self, seed, folder, events):
+            self._seed = seed
+            alive.add(seed)
+            most.append(len(alive))
+            events.put((seed, {"done": 1_600, "notes": []}))
+            events.put((seed, None))
+
+        @property
+        def code(self):
+            alive.discard(self._seed)
+            return 0
+
+        def kill(self):
+            pass
+
+    class Everything:
+        def step(self, done):
+            return True
+
+        def between(self):
+            return True
+
+    monkeypatch.setattr(side_by_side, "_SeedProcess", Process)
+    learner.learn(Everything())
+    assert most == expected
