@@ -14,7 +14,7 @@ TESTS = 128  # trials of each test; the commands take 1024
 
 # A run to lesion; RunFolder.open("runs/random_reach/cc_s-bptt-1") is one that you have.
 settings = {"seeds": SEEDS, "epochs": EPOCHS, "bptt": {"trials": TRIALS}}
-run = train(resolve("bptt", "random_reach", [settings], model="cc_s"), Path("runs")).folder
+run = train(resolve("bptt", "random_reach", [settings], model="cc_s"), Path("runs/examples")).folder
 
 # Intact and seven lesions, without and with an epoch of retraining of the output layer. One row a value: model, task,
 # algo, seed, lesion, retrained, metric, value. `bilateral-rl lesion` writes this table as lesions.csv.

@@ -11,7 +11,7 @@ from bilateral_rl.training.run import train
 
 # A run to load. Leave this out if you have one: RUN = "runs/random_reach/cc_s-bptt-1:3" is its network of seed 3.
 config = resolve("bptt", "random_reach", [{"epochs": 1, "bptt": {"trials": 640}}], model="cc_s")
-RUN = train(config, Path("runs")).folder.path
+RUN = train(config, Path("runs/examples")).folder.path
 
 policy = load_policy(RUN)
 env = ArmVecEnv(8, "random_reach", seed=0)

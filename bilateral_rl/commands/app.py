@@ -81,8 +81,8 @@ def train(
     config: Annotated[
         Path | None,
         typer.Option(
-            help="Settings from a YAML or JSON file. A run's config.yaml brings to another task or algorithm what was "
-            "chosen for the run, not what was tuned for its task."
+            help="Settings from a YAML or JSON file. With another --task or --algo than that of a run's config.yaml, "
+            "only what differs from the run's defaults is taken over."
         ),
     ] = None,
     overrides: Overrides = None,

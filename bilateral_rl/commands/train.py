@@ -84,7 +84,10 @@ def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:
     out = escape(shlex.quote(str(outcome.folder.path.parent.parent)))
     minutes = f"{outcome.seconds / 60:.1f} minutes"
     if outcome.stopped_by is not None:
-        console.print(f"Stopped after {outcome.done:,} {config.unit} and {minutes}; saved in [bold]{path}[/bold].")
+        of_seeds = " of all seeds" if config.seeds > 1 and config.unit == "steps" else ""
+        console.print(
+            f"Stopped after {outcome.done:,} {config.unit}{of_seeds} and {minutes}; saved in [bold]{path}[/bold]."
+        )
         track = " --track" if config.to_values().get("track") else ""
         console.print(f"Go on with: bilateral-rl train --resume {path}{track}", soft_wrap=True)
         sys.exit(128 + outcome.stopped_by)

@@ -60,6 +60,9 @@ class TrainingProgress(progress.Progress):
         speed = self._bar.tasks[self._task].speed
         self._bar.update(self._task, completed=done, speed=self._speed(speed) if speed else "")
 
+    def on_stop(self) -> None:
+        self._console.print("Stopping; saving first. Ctrl-C again stops at once, without what is not saved yet.")
+
     def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
         goal = f"goal {measures['goal_completion_percent']:.0f} %"
         where = f"{done:>12,} steps"

@@ -164,7 +164,7 @@ class RLConfig(TrainConfig):
 
     @property
     def plan(self) -> str:
-        return f"{self.timesteps:,} steps of {self.n_envs} arms"
+        return f"{self.timesteps:,} steps over {self.n_envs} arms"
 
     @property
     def hyperparameters(self) -> StreamHyperparameters:

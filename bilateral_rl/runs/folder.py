@@ -154,7 +154,10 @@ class RunFolder:
                 raise FileNotFoundError
             tensors = tensor_files.load(path, _LARGEST_WEIGHTS, within=self.path)
         except FileNotFoundError:
-            raise UserError(f"{path} does not exist; the run's weights are: {', '.join(names) or 'none'}.") from None
+            sentence = f"{path} does not exist; the run's weights are: {', '.join(names) or 'none'}."
+            if name == FINAL and self.status().get("state") == RUNNING:
+                sentence += " It is still training, or was killed."
+            raise UserError(sentence) from None
         broken = [key for key, tensor in tensors.items() if tensor.is_floating_point() and not tensor.isfinite().all()]
         if broken:
             raise UserError(f"The weights {name} of {self.path} are not finite numbers in {', '.join(broken)}.")

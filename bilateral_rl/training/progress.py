@@ -26,6 +26,9 @@ class Progress:
     def on_step(self, done: int) -> None:
         """Hear that ``done`` of the total are done."""
 
+    def on_stop(self) -> None:
+        """Hear that somebody asked for a stop, which comes once all is saved."""
+
     def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
         """Hear what an evaluation measured.
 

@@ -38,7 +38,7 @@ class Session:
     ) -> None:
         self._folder, self._config, self._learner, self._progress = folder, config, learner, progress
         self._stop = StopRequest()
-        self._is_saved = self._resumes = False
+        self._is_saved = self._resumes = self._stop_is_told = False
         self._evaluated_at: int | None = None
 
     def restore(self) -> None:
@@ -118,6 +118,9 @@ class Session:
     def step(self, done: int) -> bool:
         """Pass on how far it is; whether to go on."""
         self._progress.on_step(done)
+        if self._stop.requested and not self._stop_is_told:
+            self._stop_is_told = True
+            self._progress.on_stop()
         return not self._stop.requested
 
     def between(self) -> bool:

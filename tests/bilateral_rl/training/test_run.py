@@ -5,6 +5,7 @@ import warnings
 import pytest
 import torch
 from rl_runs import small_rl
+from supervised_runs import Watch
 
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.training import run as training
@@ -80,3 +81,16 @@ def test_a_learner_that_cannot_be_built_leaves_no_folder(tmp_path, monkeypatch):
     with pytest.raises(MemoryError):
         train(small_rl("ppo"), tmp_path)
     assert list(tmp_path.glob("*/*")) == []
+
+
+def test_a_stop_is_answered_at_once_and_once(tmp_path, small_bptt):
+    class Answered(Watch):
+        answers = 0
+
+        def on_stop(self):
+            self.answers += 1
+
+    for config in (small_rl("ppo"), small_bptt()):
+        watch = Answered(stop_at=1)
+        assert train(config, tmp_path, watch).interrupted
+        assert watch.answers == 1

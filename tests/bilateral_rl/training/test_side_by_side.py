@@ -113,7 +113,7 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
         assert time.monotonic() < deadline
         time.sleep(0.05)
     text = output.read_text()
-    assert "1,600 steps of 8 arms, seeds 0 to 1 side by side" in " ".join(text.split())
+    assert "1,600 steps over 8 arms, seeds 0 to 1 side by side" in " ".join(text.split())
     code, text = finished("train", "--resume", path, output=output)
     assert code == 0, text
     assert "steps of all seeds, seed 1: goal" in text
