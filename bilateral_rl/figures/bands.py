@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.figures.style import ModelStyle
 
-BANDS_NOTE = "Line: mean over trials and seeds. Band: their quartiles."
+BANDS_NOTE = "Line: mean over trials. Band: their quartiles."
 
 
 def draw_band(

@@ -61,7 +61,7 @@ class Actor:
     @property
     def name(self) -> str:
         """Name of the run's folder, with the seed if one was named."""
-        return self.path.name if self.named_seed is None else f"{self.path.name}-seed{self.named_seed}"
+        return self.path.name if self.named_seed is None else f"{self.path.name}-seed-{self.named_seed}"
 
     def check_lesion(self, lesion: str) -> None:
         """Raise a UserError if the network cannot have ``lesion``."""

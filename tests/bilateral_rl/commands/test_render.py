@@ -69,7 +69,7 @@ def test_the_default_name_is_beside_the_folder_which_stays_as_it_is(show, bptt_r
 
 def test_the_default_name_says_what_is_unusual(show, filmed, bptt_run, run):
     unusual = show(f"{bptt_run.path}:2", out=None, lesion="callosum", weights="best").path
-    assert unusual == bptt_run.path.parent / "cc_s-bptt-1-seed2-best-callosum.mp4"
+    assert unusual == bptt_run.path.parent / "cc_s-bptt-1-seed-2-best-callosum.mp4"
     assert show(bptt_run.path, run.path, out=None).path == bptt_run.path.parent / "cc_s-bptt-1+cc_s-ppo-1.mp4"
 
 
