@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ class Trials(NamedTuple):
     """(n, 2): constant force on the hand (N)."""
 
 
-class Task:
+class Task(ABC):
     """A distribution of trials; subclass it for a task of your own.
 
     Attributes:
@@ -35,6 +36,7 @@ class Task:
     id: ClassVar[str]
     n_uniform: ClassVar[int] = 4
 
+    @abstractmethod
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
         """Draw ``n`` trials.
 
@@ -42,7 +44,6 @@ class Task:
             uniform: (n, n_uniform) random numbers in [0, 1).
             settings: how trials run: joint limits, and the largest load.
         """
-        raise NotImplementedError
 
 
 class RandomReach(Task):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import typing
+from abc import ABC, abstractmethod
 from dataclasses import field
 from typing import Annotated
 
@@ -81,7 +82,7 @@ class EvaluationConfig:
 
 
 @dataclass(frozen=True, config=STRICT)
-class TrainConfig:
+class TrainConfig(ABC):
     """What sets one training apart, whatever the algorithm; each algorithm's configuration adds its own."""
 
     algo: str = "ppo"
@@ -100,19 +101,19 @@ class TrainConfig:
     trial: TrialSettings = field(default_factory=TrialSettings)
 
     @property
+    @abstractmethod
     def total(self) -> int:
         """Largest number of what the training counts: environment steps of all seeds, or updates of each network."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def unit(self) -> str:
         """What the training counts: "steps" or "updates"."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def plan(self) -> str:
         """What the training is about to do with each network, in words."""
-        raise NotImplementedError
 
     @property
     def all_seeds(self) -> list[int]:

@@ -18,6 +18,7 @@ from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import CONFIGS, RLConfig, TrainConfig
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
@@ -120,7 +121,7 @@ class SavedModel:
 
     def _check_spaces(self) -> None:
         """Raise a UserError unless the model observes and commands what the arm does."""
-        low, _ = TrainConfig().trial.observation_bounds()
+        low, _ = TrialSettings().observation_bounds()
         observed, commanded = self.data.get("observation_space"), self.data.get("action_space")
         muscles = spaces.Box(-1.0, 1.0, (6,))
         if getattr(observed, "shape", None) != low.shape or not _is_same_box(commanded, muscles):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from abc import abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -12,6 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from bilateral_rl.io.training_log import TrainingLog
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.learner import Watcher
+from bilateral_rl.training.schedule import Schedule
 
 
 class BetweenIterations(BaseCallback):
@@ -20,26 +22,20 @@ class BetweenIterations(BaseCallback):
     def __init__(self, every: int) -> None:
         super().__init__()
         self._every = every
-        self._due = 0
 
     def _on_training_start(self) -> None:
-        self._plan()
+        self._schedule = Schedule(self._every, self.num_timesteps)
 
     def _on_rollout_start(self) -> None:
-        if self.num_timesteps >= self._due:
-            self._plan()
+        if self._schedule.is_due(self.num_timesteps):
             self.act()
 
     def _on_step(self) -> bool:
         return True
 
+    @abstractmethod
     def act(self) -> None:
         """Do it now."""
-        raise NotImplementedError
-
-    def _plan(self) -> None:
-        """Wait for the next multiple, so that a resumed training does it where an uninterrupted one would."""
-        self._due = (self.num_timesteps // self._every + 1) * self._every
 
 
 class LogCallback(BetweenIterations):

@@ -22,6 +22,7 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.callbacks import BetweenIterations
+from bilateral_rl.training.schedule import Schedule
 
 PROBE = "lesion_probe.csv"
 """File in a run's folder with a row a step and state, and a column a measure."""
@@ -100,7 +101,7 @@ class LesionProbe(BetweenIterations):
         super()._on_training_start()
         self._table = self._past()
         if self._table.empty:
-            self._due = 0
+            self._schedule = Schedule(self._every, self.num_timesteps, at_once=True)
         self._show_charts()
 
     def _on_training_end(self) -> None:

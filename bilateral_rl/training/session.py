@@ -16,6 +16,7 @@ from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.runs.folder import BEST, FAILED, FINISHED, INTERRUPTED, RESUME, RUNNING, RunFolder
 from bilateral_rl.training.learner import Diverged, Learner, Moment
 from bilateral_rl.training.progress import UNWATCHED, Outcome, Progress, StopRequest
+from bilateral_rl.training.schedule import Schedule
 
 _EARLY = "torch_random_state"
 """Name of a tensor in what early runs of version 0.1.0 saved for resuming: weights apart, and no environment."""
@@ -175,32 +176,6 @@ class Session:
     def _was_killed_at_its_end(self) -> bool:
         """Whether it was killed between the state after the last step and the word that it is finished."""
         return self._folder.status().get("state") == RUNNING and self._config.total >= self._folder.config().total
-
-
-class Schedule:
-    """Something that is due at every multiple of ``every``, or whenever it is asked for if ``every`` is 0.
-
-    A training that goes on from a saved state does it where a training in one go would have done it.
-
-    Args:
-        every: how much lies between two times.
-        done: how much is done already.
-        at_once: whether it is due at ``done`` already.
-    """
-
-    def __init__(self, every: int, done: int, at_once: bool = False) -> None:
-        self._every = every
-        self._next = done if at_once else self._after(done)
-
-    def is_due(self, done: int) -> bool:
-        """Whether the next multiple has come; if so, the one after it is waited for."""
-        if done < self._next:
-            return False
-        self._next = self._after(done)
-        return True
-
-    def _after(self, done: int) -> int:
-        return (done // self._every + 1) * self._every if self._every else done
 
 
 @contextlib.contextmanager
