@@ -65,7 +65,8 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ``random_reach``: rest at a posture uniform over the joint range (shoulder 0–135°, elbow 0–155°); the target is
     the hand position of a second such posture; no load. ``hold_position``: rest on the target at such a posture; a
-    constant load on the hand, each axis uniform in ±``max_load``. Muscles start at activation 0.001.
+    constant load on the hand, each axis uniform in ±``max_load`` or, with ``load="direction"``, of a uniform direction
+    and a size uniform from 0 to ``max_load``. Muscles start at activation 0.001.
 
     ``reset(options={"start": (2,), "goal": (2,), "load": (2,)})`` sets the trial instead: angles in rad of the start
     posture and of the posture whose hand position is the target (default: the start), and a load in N (default: 0).
@@ -84,8 +85,8 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
         render_mode: None, ``"rgb_array"`` or ``"human"``.
         **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`: ``trial_length=50`` (steps),
-            ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``sensory_noise=0.0``, ``motor_noise=0.0``,
-            ``feedback_delay=0`` (steps), ``arm=ArmParameters()``.
+            ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``load="axes"`` or ``"direction"``,
+            ``sensory_noise=0.0``, ``motor_noise=0.0``, ``feedback_delay=0`` (steps), ``arm=ArmParameters()``.
 
     Raises:
         ValueError: an unknown task, render mode or setting, or a setting outside its range.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
@@ -34,7 +34,10 @@ class TrialSettings:
     threshold: Positive = 0.05
     """Radius of the goal (m)."""
     max_load: NotNegative = 10.0
-    """Bound of the load on the hand on each axis (N), in the tasks that have one."""
+    """Bound of the load on the hand (N), in the tasks that have one."""
+    load: Literal["axes", "direction"] = "axes"
+    """How a load is drawn: "axes", each axis uniform in ±``max_load`` (the paper's released code); "direction", a
+    direction uniform over the circle and a size uniform from 0 to ``max_load`` (its text)."""
     sensory_noise: NotNegative = 0.0
     """Standard deviation of the noise on each sensed number, in that number's unit."""
     motor_noise: NotNegative = 0.0

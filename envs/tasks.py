@@ -60,14 +60,13 @@ class RandomReach(Task):
 
 
 class HoldPosition(Task):
-    """Stay where the hand starts against a constant load, uniform in ±``settings.max_load`` on each axis."""
+    """Stay where the hand starts against a constant load, drawn as ``settings.load`` says."""
 
     id = "hold_position"
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
         start = _postures(uniform[:, :2], settings)
-        load = ((2 * uniform[:, 2:] - 1) * settings.max_load).astype(np.float32)
-        return Trials(start=start, goal=start, load=load)
+        return Trials(start=start, goal=start, load=_loads(uniform[:, 2:], settings))
 
 
 TASKS: dict[str, type[Task]] = {task.id: task for task in (RandomReach, HoldPosition)}
@@ -86,3 +85,15 @@ def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
     """Return postures (n, 2), uniform over the joint range (rad)."""
     lower, upper = np.array(settings.arm.joint_lower_limit), np.array(settings.arm.joint_upper_limit)
     return np.asarray(lower + uniform * (upper - lower), dtype=np.float32)
+
+
+def _loads(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
+    """Return loads (n, 2) on the hand (N).
+
+    The text says "random direction, random bounded intensity": we read it as a size that is uniform itself, rather than
+    a load uniform over the disk, of which most would be near the bound.
+    """
+    if settings.load == "axes":
+        return np.asarray((2 * uniform - 1) * settings.max_load, dtype=np.float32)
+    angle, size = 2 * np.pi * uniform[:, 0], settings.max_load * uniform[:, 1]
+    return np.asarray(size[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), dtype=np.float32)

@@ -92,14 +92,14 @@ def _check_bptt(config: BPTTConfig) -> None:
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Yield every number in nested settings, with where it stands."""
+    """Yield every number in nested settings, with where it stands; words are none."""
     if isinstance(value, dict):
         for key, item in value.items():
             yield from _numbers(f"{name}.{key}", item)
     elif isinstance(value, tuple):
         for item in value:
             yield from _numbers(name, item)
-    else:
+    elif not isinstance(value, str):
         yield name, value
 
 

@@ -52,6 +52,34 @@ def test_holds_start_on_their_goal_anywhere_with_a_load_on_each_axis():
     assert abs(np.corrcoef(np.hstack([trials.start, trials.load]).T) - np.eye(4)).max() < 0.03
 
 
+def test_a_load_can_have_a_random_direction_and_a_random_size():
+    load = draw(HoldPosition(), max_load=7.0, load="direction").load
+    size, angle = np.hypot(*load.T), np.arctan2(*load.T)
+    assert_uniform(size[:, None], 0, 7)
+    assert_uniform(angle[:, None], -np.pi, np.pi)
+    assert abs(np.corrcoef(size, angle)[0, 1]) < 0.03
+
+
+def test_the_load_of_two_uniform_numbers_under_each_law():
+    numbers = np.array([[0.5, 0.5, 0.25, 0.4]])  # a quarter of a turn, two fifths of the bound
+    for load, expected in (("axes", [-5, -2]), ("direction", [0, 4])):
+        trials = HoldPosition().trials(numbers, TrialSettings(load=load))
+        np.testing.assert_allclose(trials.load, [expected], atol=1e-6)
+        np.testing.assert_array_equal(trials.start, trials.goal)
+        assert trials.load.dtype == np.float32
+    assert TrialSettings().load == "axes"
+
+
+def test_every_environment_draws_the_load_that_is_asked_for():
+    for load, corner in (("axes", True), ("direction", False)):
+        venv = ArmVecEnv(500, "hold_position", load=load, seed=3)
+        venv.reset()
+        assert (np.hypot(*venv.batch.load.T).max() > 10) is np.bool_(corner)
+        env = ArmEnv("hold_position", load=load)
+        env.reset(seed=3)
+        np.testing.assert_array_equal(env.batch.load, venv.batch.load[:1])
+
+
 def test_postures_span_the_arms_own_joint_range():
     arm = ArmParameters(joint_lower_limit=(0.5, 1.0), joint_upper_limit=(0.6, 1.2))
     for task in (RandomReach(), HoldPosition()):
@@ -144,6 +172,8 @@ def test_a_setting_outside_its_range_is_rejected_with_its_name_and_value():
             with pytest.raises(ValueError, match=name) as error:
                 TrialSettings(**{name: value})
             assert repr(value) in str(error.value)
+    with pytest.raises(ValueError, match=r"^Unknown load 'disk'; choose from axes, direction\.$"):
+        TrialSettings(load="disk")
 
 
 @pytest.mark.parametrize("make", [ArmEnv, lambda **settings: ArmVecEnv(2, **settings)], ids=["ArmEnv", "ArmVecEnv"])

@@ -6,7 +6,13 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bilateral_rl.bptt.trials import epoch_order, initial_weights_seed, training_trials, validation_trials
+from bilateral_rl.bptt.trials import (
+    epoch_order,
+    initial_weights_seed,
+    retraining_trials,
+    training_trials,
+    validation_trials,
+)
 from bilateral_rl.envs import TrialSettings
 from bilateral_rl.envs.tasks import make_task
 
@@ -70,6 +76,14 @@ def test_a_hold_ends_where_it_starts_under_a_load_within_its_bound():
     np.testing.assert_allclose(target, hand_of(start), atol=1e-6)
     assert_uniform(load, -3.0, 3.0)
     assert abs(np.corrcoef(load.T)[0, 1]) < 0.2
+
+
+def test_a_hold_is_trained_on_under_the_load_that_is_asked_for():
+    for stream in (training_trials, validation_trials, retraining_trials):
+        by_axes = np.hypot(*draw("hold_position", stream=stream)[2].T)
+        by_direction = np.hypot(*draw("hold_position", stream=stream, settings=TrialSettings(load="direction"))[2].T)
+        assert by_axes.max() > 10
+        assert_uniform(by_direction[:, None], 0, 10)
 
 
 def test_no_trial_comes_twice_in_any_stream_of_any_seed():

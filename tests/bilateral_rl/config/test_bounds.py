@@ -11,7 +11,13 @@ from bilateral_rl.io.errors import UserError
 
 LARGE = {
     "network": {"units": 1_000, "layers": 4},
-    "trial": {"trial_length": 500, "feedback_delay": 20, "sensory_noise": 0.01, "max_load": 1000.0},
+    "trial": {
+        "trial_length": 500,
+        "feedback_delay": 20,
+        "sensory_noise": 0.01,
+        "max_load": 1000.0,
+        "load": "direction",
+    },
 }
 
 
