@@ -26,6 +26,10 @@ class TrialMeasures(NamedTuple):
     """(n,): steps within the threshold."""
     final_error: NDArray[np.float64]
     """(n,): distance to the target after the last step (m)."""
+    speed_to_third_step: NDArray[np.float64]
+    """(n,): as ``speed_to_goal``, but over the steps until the third of the three (m/step)."""
+    time_to_goal: NDArray[np.float64]
+    """(n,): steps until the goal was reached, the first of the three counted; all of the trial's where it never was."""
 
     def means(self) -> dict[str, float]:
         """Return the means over the trials in the units that people read: percent, cm, steps.
@@ -54,28 +58,28 @@ def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: fl
     stays = _runs_start(inside, STEPS_TO_COMPLETE)
     completed = np.asarray(stays.any(axis=1))
     steps = np.where(completed, stays.argmax(axis=1) + 1, np.nan) if stays.shape[1] else np.full(len(inside), np.nan)
+    start_distance = np.asarray(start_distance, dtype=np.float64)
     return TrialMeasures(
         goal_completion=completed,
-        speed_to_goal=np.asarray(start_distance, dtype=np.float64) / steps,
+        speed_to_goal=start_distance / steps,
         time_in_goal=inside.sum(axis=1),
         final_error=distance[:, -1],
+        speed_to_third_step=start_distance / (steps + STEPS_TO_COMPLETE - 1),
+        time_to_goal=np.where(completed, steps, distance.shape[1]),
     )
 
 
 def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
     """Return what the environments' infos say at the end of the trials of ``arms``, one dictionary an arm."""
     measures = trial_measures(batch.distance[arms], batch.start_distance[arms], batch.settings.threshold)
-    columns = zip(*(column.tolist() for column in measures), strict=True)
-    return [
-        {
-            "vector_return": vector_return,
-            "is_success": completed,
-            "speed_to_goal": speed,
-            "time_in_goal": inside,
-            "final_error": error,
-        }
-        for vector_return, (completed, speed, inside, error) in zip(batch.vector_return[arms], columns, strict=True)
-    ]
+    columns = {
+        "vector_return": list(batch.vector_return[arms]),
+        "is_success": measures.goal_completion.tolist(),
+        "speed_to_goal": measures.speed_to_goal.tolist(),
+        "time_in_goal": measures.time_in_goal.tolist(),
+        "final_error": measures.final_error.tolist(),
+    }
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
 def _runs_start(inside: NDArray[np.bool_], length: int) -> NDArray[np.bool_]:

@@ -123,6 +123,7 @@ class _GoalMetric:
     scale: float
     tasks: tuple[str, ...]
     definition: str
+    better: Literal["higher", "lower"] = "higher"
 
     def at(self, radius: float) -> Metric:
         """Return the metric at a goal of ``radius`` (m), as exact as its name says it."""
@@ -134,7 +135,7 @@ class _GoalMetric:
             return _mean(getattr(measures, self.field), self.scale)
 
         name, label = f"{self.field}_{centimeters}cm", f"{self.label} {centimeters} cm"
-        return Metric(name, label, self.unit, self.tasks, "higher", self.definition, value)
+        return Metric(name, label, self.unit, self.tasks, self.better, self.definition, value)
 
 
 # fmt: off
@@ -145,6 +146,12 @@ _GOAL_METRICS: dict[str, _GoalMetric] = {metric.field: metric for metric in (
     _GoalMetric("speed_to_goal", "Speed to goal of", "cm/step", 100, _REACH,
                 "Distance from start to target over the steps until the goal is reached, in the trials that complete "
                 "it (paper section 3)."),
+    _GoalMetric("speed_to_third_step", "Speed to the third step within", "cm/step", 100, _REACH,
+                "Distance from start to target over the steps until the third one within the goal, in the trials that "
+                "complete it (paper section 3, which does not say at which of the three steps the goal is reached)."),
+    _GoalMetric("time_to_goal", "Time to goal of", "steps", 1, _REACH,
+                "Steps until the goal is reached, all of the trial's where it is not: the restricted mean time, which "
+                "no choice of trials biases (Royston & Parmar 2013, doi:10.1186/1471-2288-13-152).", "lower"),
     _GoalMetric("time_in_goal", "Time within", "steps", 1, _BOTH,
                 "Steps after which the hand is within the goal's radius of the target (paper section 3)."),
 )}

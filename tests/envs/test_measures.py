@@ -14,7 +14,7 @@ IN, OUT = 0.01, 0.30
 def measure(distance, start_distance=0.6, threshold=0.05):
     """The measures of one trial, as plain numbers: completion, speed, time in goal, final error."""
     measures = trial_measures([distance], [start_distance], threshold)
-    return tuple(column.item() for column in measures)
+    return tuple(column.item() for column in measures[:4])
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,23 @@ def test_speed_is_the_start_distance_over_the_steps_until_the_goal_was_reached_f
     assert completed is True
     assert speed == pytest.approx(0.6 / steps)
     assert (inside, error) == (distance.count(IN), distance[-1])
+
+
+@pytest.mark.parametrize(
+    ("distance", "third", "time"),
+    [
+        ([OUT, OUT, IN, IN, IN, OUT], 5, 3),
+        ([IN, IN, IN, IN], 3, 1),
+        ([IN, IN, OUT, IN, IN, IN, OUT], 6, 4),
+        ([IN, IN, OUT, OUT, IN, IN], None, 6),  # never reached: the whole trial
+        ([IN, IN], None, 2),
+    ],
+)
+def test_a_reach_that_counts_to_the_third_step_takes_two_more_and_one_that_fails_takes_the_trial(distance, third, time):
+    measures = trial_measures([distance], [0.6], 0.05)
+    assert measures.time_to_goal.tolist() == [time]
+    np.testing.assert_allclose(measures.speed_to_third_step, [0.6 / third if third else np.nan])
+    assert np.isnan(measures.speed_to_third_step[0]) == (not measures.goal_completion[0])
 
 
 def test_visits_shorter_than_three_steps_do_not_complete_however_many():
@@ -60,8 +77,8 @@ def test_trials_of_a_batch_are_measured_one_by_one():
     together = trial_measures(distance, start, 0.05)
     assert together.goal_completion.dtype == np.bool_
     for i in range(50):
-        for column, alone in zip(together, measure(distance[i], start[i]), strict=True):
-            np.testing.assert_equal(column[i].item(), alone)
+        for column, alone in zip(together, trial_measures(distance[i : i + 1], start[i : i + 1], 0.05), strict=True):
+            np.testing.assert_equal(column[i], alone[0])
 
 
 @pytest.mark.parametrize("task", ["random_reach", "hold_position"])

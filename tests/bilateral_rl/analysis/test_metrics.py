@@ -67,6 +67,9 @@ def test_values_are_means_over_the_trials_that_have_one_in_peoples_units(record)
         ("goal_completion_5cm", 100 * 2 / 3),
         ("goal_completion_0.5cm", 100 / 3),
         ("speed_to_goal_5cm", (30 / 10 + 0 / 1) / 2),
+        ("speed_to_third_step_5cm", (30 / 12 + 0 / 3) / 2),
+        ("time_to_goal_5cm", (10 + 50 + 1) / 3),
+        ("time_to_goal_0.5cm", (50 + 50 + 1) / 3),
         ("time_in_goal_5cm", (41 + 0 + 24) / 3),
         ("final_error", (1 + 20 + 10) / 3),
         ("path_length_ratio", (29 / 30 + 0) / 2),  # the third trial starts on its target
@@ -125,7 +128,10 @@ def test_a_seed_whose_trials_all_lack_a_value_has_nan_and_nobody_is_warned():
         warnings.simplefilter("error")
         values = measure(make_record(hand, hand[:, 0] + 20), metrics_of("random_reach", [0.05]))
         no_value = {name for name, v in values.items() if np.isnan(v)}
-    assert no_value == {"speed_to_goal_5cm", "initial_direction_error", "time_to_peak_speed", "sparc", "ldlj"}
+    assert no_value == {
+        "speed_to_goal_5cm", "speed_to_third_step_5cm", "initial_direction_error", "time_to_peak_speed",
+        "sparc", "ldlj",
+    }  # fmt: skip
 
 
 def test_a_reach_has_shapes_and_a_hold_has_posture():
@@ -136,9 +142,15 @@ def test_a_reach_has_shapes_and_a_hold_has_posture():
     assert hold == both | {"hold_rms_error", "hold_speed"}
     assert reach == both | {
         "goal_completion_2cm", "goal_completion_4.5cm", "speed_to_goal_2cm", "speed_to_goal_4.5cm",
+        "speed_to_third_step_2cm", "speed_to_third_step_4.5cm", "time_to_goal_2cm", "time_to_goal_4.5cm",
         "path_length_ratio", "perpendicular_deviation", "initial_direction_error", "peak_speed",
         "time_to_peak_speed", "sparc", "ldlj",
     }  # fmt: skip
+
+
+def test_the_time_to_a_goal_is_the_only_metric_of_a_goal_of_which_less_is_better():
+    at_goal = {name for metric in metrics_of("random_reach", [0.05]) if (name := metric.name).endswith("_5cm")}
+    assert {name for name in at_goal if find_metric(name).better == "lower"} == {"time_to_goal_5cm"}
 
 
 def test_radii_that_are_written_alike_count_once():
@@ -147,7 +159,10 @@ def test_radii_that_are_written_alike_count_once():
     assert len(set(names)) == len(names)
 
 
-@given(st.sampled_from(["goal_completion", "speed_to_goal", "time_in_goal"]), st.floats(1e-12, 1e12))
+@given(
+    st.sampled_from(["goal_completion", "speed_to_goal", "speed_to_third_step", "time_to_goal", "time_in_goal"]),
+    st.floats(1e-12, 1e12),
+)
 def test_a_metric_at_any_radius_is_found_by_its_name(start, radius):
     metric = find_metric(metric_name(start, radius))
     assert metric.name == metric_name(start, radius)
