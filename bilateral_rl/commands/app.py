@@ -32,6 +32,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
 ]
+SEEDS = "N|FIRST..LAST"
 Jobs = Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")]
 Ray = Annotated[
     str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
@@ -54,7 +55,12 @@ def train(
     ] = None,
     epochs: Annotated[int | None, typer.Option(help="Largest number of epochs (bptt).", show_default="100")] = None,
     seeds: Annotated[
-        int | None, typer.Option(help="Networks to train in one run, of seeds --seed and up.", show_default="1")
+        str | None,
+        typer.Option(
+            metavar=SEEDS,
+            help="Networks to train in one run: how many, of seeds --seed and up, or which, such as 100..129.",
+            show_default="1",
+        ),
     ] = None,
     profile: Annotated[
         str | None,
@@ -221,7 +227,14 @@ def render(
 def reproduce(
     algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo, a2c, sac, td3.")] = "bptt",
     profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
-    seeds: Annotated[int | None, typer.Option(help="Networks of each model.", show_default="10; 3 if quick")] = None,
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar=SEEDS,
+            help="Networks of each model: how many, of seeds 0 and up, or which, such as 100..129.",
+            show_default="10; 3 if quick",
+        ),
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A preview: 3 seeds, short trainings.")] = False,
     jobs: Jobs = None,
     ray: Ray = None,
@@ -251,6 +264,14 @@ def sweep(
         typer.Option(metavar="KEY=V,V,…", help="A setting and its values; may be repeated. model and task are two."),
     ],
     algo: Annotated[str, typer.Option(help="bptt, ppo, a2c, sac or td3.")] = "bptt",
+    seeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar=SEEDS,
+            help="Networks at each point: how many, of seeds 0 and up, or which, such as 100..129.",
+            show_default="1",
+        ),
+    ] = None,
     overrides: Overrides = None,
     metrics: Annotated[
         list[str] | None,
@@ -267,6 +288,7 @@ def sweep(
     command.sweep(
         algo=algo,
         grid=grid,
+        seeds=seeds,
         overrides=overrides or [],
         metrics=metrics,
         trials=trials,

@@ -15,6 +15,7 @@ from bilateral_rl.claims import Claim
 from bilateral_rl.claims.margins import PAPER_SEEDS
 from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
 from bilateral_rl.config import parse as settings
+from bilateral_rl.config.seeds import Seeds, parse_seeds
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import unsourced
@@ -29,7 +30,7 @@ def reproduce(
     *,
     algo: str,
     profile: str,
-    seeds: int | None,
+    seeds: str | None,
     quick: bool,
     n_jobs: int | None,
     ray: str | None,
@@ -42,7 +43,7 @@ def reproduce(
     Args:
         algo: the algorithm of every training.
         profile: "paper", or "released" for the losses and lesions of its released code.
-        seeds: number of networks of each model; None for the paper's, or for fewer in a preview.
+        seeds: networks of each model, as ``--seeds`` takes them; None for the usual number of them.
         quick: whether it is a preview.
         n_jobs: number of trainings at a time; None for one a CPU.
         ray: address of a Ray cluster; None for this machine.
@@ -55,8 +56,7 @@ def reproduce(
         SystemExit: somebody stopped it.
     """
     began = time.monotonic()
-    n_seeds = seeds if seeds is not None else (QUICK_SEEDS if quick else PAPER_SEEDS)
-    study = Study(algo, profile, n_seeds, quick, settings.parse_overrides(overrides))
+    study = _study(algo, profile, seeds, quick, settings.parse_overrides(overrides))
     at_once, threads = side_by_side(n_jobs, study.n_jobs)
     jobs = study.jobs(threads)
     folder = out or Path("runs") / study.name
@@ -73,6 +73,14 @@ def reproduce(
     print_failures(outcomes, console)
     print_unsourced(unsourced(folder / job.result for job in jobs), console)
     console.print(f"Report: [bold]{_quoted(folder / REPORT)}[/bold]", soft_wrap=True, highlight=False)
+
+
+def _study(algo: str, profile: str, seeds: str | None, quick: bool, overrides: settings.Values) -> Study:
+    if seeds is None:
+        chosen = Seeds(QUICK_SEEDS if quick else PAPER_SEEDS)
+    else:
+        chosen = parse_seeds(seeds, "--set seed" if "seed" in overrides else "")
+    return Study(algo, profile, chosen.n, quick, overrides, first_seed=chosen.first or 0)
 
 
 def _conclude(study: Study, folder: Path, outcomes: Sequence[JobOutcome], console: Console) -> list[Claim]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -16,6 +16,7 @@ from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
 from bilateral_rl.config import parse as settings
+from bilateral_rl.config.seeds import parse_seeds
 from bilateral_rl.figures.labels import with_unit
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
@@ -30,6 +31,7 @@ def sweep(
     *,
     algo: str,
     grid: Sequence[str],
+    seeds: str | None,
     overrides: Sequence[str],
     metrics: Sequence[str] | None,
     trials: int,
@@ -43,6 +45,7 @@ def sweep(
     Args:
         algo: the algorithm of every training.
         grid: settings with their values, as ``--grid`` takes them.
+        seeds: networks at each point, as ``--seeds`` takes them; None for one, or for what the settings say.
         overrides: settings of every training, as ``--set`` takes them.
         metrics: names of the metrics to print; None for each task's preferred one and the final error.
         trials: number of trials of each test.
@@ -57,7 +60,8 @@ def sweep(
     """
     check_trials(trials)
     requested_metrics = [find_metric(name) for name in metrics or []]
-    study = Sweep(algo, parse_grid(grid), settings.parse_overrides(overrides), trials)
+    points, fixed = parse_grid(grid), settings.parse_overrides(overrides)
+    study = Sweep(algo, points, fixed | _seed_settings(seeds, {*points, *fixed}), trials)
     at_once, threads = side_by_side(n_jobs, len(study.points()))
     jobs = study.jobs(threads)
     _check_measured(study, requested_metrics)
@@ -75,6 +79,15 @@ def sweep(
     print_unsourced(unsourced(folder / job.result for job in jobs), console)
     path = escape(shlex.quote(str(folder / "sweep.csv")))
     console.print(f"Every metric of every seed: [bold]{path}[/bold]", soft_wrap=True, highlight=False)
+
+
+def _seed_settings(seeds: str | None, named: Collection[str]) -> settings.Values:
+    """What ``--seeds`` comes to. Raises UserError for seeds that ``named``, the settings given, name too."""
+    if seeds is None:
+        return {}
+    if "seeds" in named:
+        raise UserError("--seeds says how many networks there are at each point: leave seeds out of --set and --grid.")
+    return parse_seeds(seeds, "seed in --set or --grid" if "seed" in named else "").settings
 
 
 def _check_measured(study: Sweep, metrics: Sequence[Metric]) -> None:

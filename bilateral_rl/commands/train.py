@@ -16,6 +16,7 @@ from bilateral_rl.commands.training_report import TrainingProgress, measures_tab
 from bilateral_rl.config import parse as settings
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.seeds import parse_seeds
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
@@ -40,7 +41,7 @@ def train(
 ) -> None:
     """Train from scratch: tuned defaults < file < --set < flags."""
     layers = [read_settings(config_file)] if config_file else []
-    layers += [settings.parse_overrides(overrides), _nested(flags)]
+    layers += [settings.parse_overrides(overrides), _nested(_with_seeds(flags))]
     config = resolve(algo, task, layers, model=model)
     _run(training.prepare(config), out, console)
 
@@ -109,6 +110,13 @@ def _next_training(config: TrainConfig, path: str, out: str) -> str:
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"
     other = next(task for task in TASK_SPECS if task != config.task)
     return f"bilateral-rl train --model {config.model} --task {other} --out {out}"
+
+
+def _with_seeds(flags: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the flags with the settings that ``--seeds`` comes to in its place."""
+    if flags["seeds"] is None:
+        return flags
+    return {**flags, **parse_seeds(flags["seeds"], "" if flags["seed"] is None else "--seed").settings}
 
 
 def _nested(flags: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,8 @@ from bilateral_rl.io.files import refuse_traps, replacing
 from bilateral_rl.io.yaml_files import read_settings
 
 STUDY_FILE = "study.yaml"
+_BEFORE: Values = {"first_seed": 0}
+"""What descriptions by earlier versions do not say, as it was then."""
 
 
 @contextlib.contextmanager
@@ -75,6 +77,7 @@ def _new_file(path: Path, text: str) -> Iterator[None]:
 
 
 def _check_same(path: Path, stored: Values, requested: Values) -> None:
+    stored, requested = _BEFORE | stored, _BEFORE | requested
     for name in stored | requested:
         if stored.get(name) != requested.get(name):
             raise UserError(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.resolve import quick_settings, resolve
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.seeds import FIRST_CONFIRMING_SEED
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
@@ -47,6 +48,8 @@ class Study:
     """A preview: few seeds, short trainings, few test trials."""
     overrides: Values = field(default_factory=dict)
     """Settings of every training, as ``--set`` gives them."""
+    first_seed: int = 0
+    """The first of its consecutive seeds."""
 
     def __post_init__(self) -> None:
         check_choice("algorithm", self.algo, ALGORITHMS)
@@ -60,7 +63,15 @@ class Study:
     @property
     def name(self) -> str:
         """Name of its folder."""
-        return "-".join(["reproduce", self.algo, self.profile, *(["quick"] if self.quick else [])])
+        quick = ["quick"] if self.quick else []
+        seeds = [f"seeds-{self.first_seed}-{self.first_seed + self.seeds - 1}"] if self.first_seed else []
+        return "-".join(["reproduce", self.algo, self.profile, *quick, *seeds])
+
+    @property
+    def purpose(self) -> Literal["exploration", "confirmation"]:
+        """What its seeds are for: to confirm, if all are from 100 on; others are looked at to choose (0 to 34 were)."""
+        first = self.overrides.get("seed", self.first_seed)
+        return "confirmation" if first >= FIRST_CONFIRMING_SEED else "exploration"
 
     @property
     def n_jobs(self) -> int:
@@ -73,8 +84,10 @@ class Study:
         Raises:
             UserError: settings that cannot be.
         """
-        together: Values = {"seeds": self.seeds, "profile": self.profile} if is_supervised(self.algo) else {}
-        layers = [quick_settings(self.algo) if self.quick else {}, together, {"threads": threads}]
+        of_study: Values = {"seed": self.first_seed, "seeds": self.seeds, "threads": threads}
+        if is_supervised(self.algo):
+            of_study["profile"] = self.profile
+        layers = [quick_settings(self.algo) if self.quick else {}, of_study]
         configs = [
             resolve(self.algo, task, [*layers, self._calibrated(task), self.overrides], model=model)
             for task in JUDGED_RADII
@@ -84,7 +97,7 @@ class Study:
             raise UserError("After a lesion networks are retrained without noise or delay; leave both out of --set.")
         if is_supervised(self.algo):
             return configs
-        return [dataclasses.replace(config, seed=config.seed + i) for config in configs for i in range(self.seeds)]
+        return [dataclasses.replace(config, seed=seed, seeds=1) for config in configs for seed in config.all_seeds]
 
     def jobs(self, threads: int = 1) -> list[Job]:
         """One job for each training. Raises UserError for settings that cannot be."""

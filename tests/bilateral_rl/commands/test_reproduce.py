@@ -15,6 +15,7 @@ from made_up_results import make_results
 
 from bilateral_rl.commands import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
+from bilateral_rl.config.resolve import resolve
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import local, reproduction
@@ -93,19 +94,25 @@ def outcomes(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("options", "name", "seeds"),
+    ("options", "name", "first", "seeds"),
     [
-        ([], "reproduce-bptt-paper", 10),
-        (["--quick", "--profile", "released"], "reproduce-bptt-released-quick", 3),
-        (["--quick", "--seeds", 5], "reproduce-bptt-paper-quick", 5),
-        (["--algo", "ppo"], "reproduce-ppo-paper", 10),
+        ([], "reproduce-bptt-paper", 0, 10),
+        (["--quick", "--profile", "released"], "reproduce-bptt-released-quick", 0, 3),
+        (["--quick", "--seeds", 5], "reproduce-bptt-paper-quick", 0, 5),
+        (["--algo", "ppo"], "reproduce-ppo-paper", 0, 10),
+        (["--seeds", "100..129"], "reproduce-bptt-paper-seeds-100-129", 100, 30),
+        (["--seeds", "0..4"], "reproduce-bptt-paper", 0, 5),
     ],
 )
-def test_a_study_goes_to_a_folder_of_its_own(invoke, outcomes, tmp_path, options, name, seeds):
+def test_a_study_goes_to_a_folder_of_its_own(invoke, outcomes, tmp_path, options, name, first, seeds):
     code, out = invoke("reproduce", *options)
     assert code == 0
     folder = tmp_path / "runs" / name
-    assert yaml.safe_load((folder / "study.yaml").read_text())["seeds"] == seeds
+    study = yaml.safe_load((folder / "study.yaml").read_text())
+    assert (study["first_seed"], study["seeds"]) == (first, seeds)
+    jobs = outcomes.calls[0][0]
+    trained = {seed for job in jobs for seed in resolve(None, None, [job.arguments["config"]]).all_seeds}
+    assert trained == set(range(first, first + seeds))
     assert f"Report: runs/{name}/report.html" in out
     assert (folder / "report.html").is_file()
     assert "Of 14 claims: 0 supported, 0 not supported, 14 undecided." in out
@@ -142,6 +149,7 @@ def test_errors_are_printed_as_they_are(invoke, outcomes):
 def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outcomes, tmp_path):
     for options, message in (
         (["--seeds", 0], "--seeds must be at least 1"),
+        (["--seeds", "0..4", "--set", "seed=7"], r"--seeds 0\.\.4 names the first seed, and so does --set seed"),
         (["--jobs", 0], "--jobs must be at least 1"),
         (["--algo", "dqn"], "Unknown algorithm"),
         (["--profile", "mine"], "Unknown profile"),

@@ -94,6 +94,18 @@ def test_a_sweep_over_first_seeds_shows_every_seed(invoke, prepare):
     assert cells(out, "0") == ["91.0 ± 1.4", "2 ± 0", "2"]
 
 
+def test_seeds_can_be_named(invoke, monkeypatch):
+    asked = []
+    monkeypatch.setattr(command, "run_local", lambda jobs, *_: asked.extend(jobs) or [])
+    with pytest.raises(UserError, match="No training of the sweep is done"):
+        invoke("sweep", "--grid", "epochs=1,2", "--seeds", "100..104", "--set", "bptt.patience=2")
+    configs = [job.arguments["config"] for job in asked]
+    assert [(c["epochs"], c["seed"], c["seeds"], c["bptt"]["patience"]) for c in configs] == [
+        (1, 100, 5, 2),
+        (2, 100, 5, 2),
+    ]
+
+
 def test_interrupted_it_says_so(invoke, monkeypatch, tmp_path):
     def stop(jobs, *_):
         return [JobOutcome(job, JobState.INTERRUPTED) for job in jobs]
@@ -114,6 +126,9 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, tmp_p
         (["--grid", "epochs=1", "--metric", "time_in_goal_4cm"], "No training of the sweep is measured by time_in_g"),
         (["--grid", "epochs=1", "--metric", "hold_speed"], "No training of the sweep is measured by hold_speed"),
         (["--grid", "units=5"], "Unknown setting 'units'"),
+        (["--grid", "seeds=2,3", "--seeds", 2], "leave seeds out of --set and --grid"),
+        (["--grid", "epochs=1", "--set", "seeds=2", "--seeds", 2], "leave seeds out of --set and --grid"),
+        (["--grid", "seed=0,100", "--seeds", "0..4"], "names the first seed, and so does seed in --set or --grid"),
     ):
         with pytest.raises(UserError, match=message):
             invoke("sweep", *options)

@@ -74,6 +74,20 @@ def test_flags_reach_the_configuration(call, tmp_path):
     assert (config.penalty, config.penalty_coefficient) == ("released", 0.5)
 
 
+def test_a_range_of_seeds_trains_those_networks(call, tmp_path):
+    code, out, err = call("train", *SMALL, "--seeds", "103..105", "--epochs", 1)
+    assert (code, err) == (0, "")
+    assert "seeds 103 to 105 side by side" in " ".join(out.split())
+    assert f"--init-from {RUN}:103" in out
+    config = RunFolder(tmp_path / RUN).config()
+    assert (config.seed, config.seeds) == (103, 3)
+    call("evaluate", f"{RUN}:104", "--trials", 4, "--csv", "one.csv")
+    assert set(pd.read_csv(tmp_path / "one.csv")["seed"]) == {104}
+    assert "has no seed 1; it has seeds 103 to 105" in call("evaluate", f"{RUN}:1")[2]
+    code, *_ = call("train", *SMALL, "--init-from", RUN, "--seeds", "104..105", "--epochs", 1)
+    assert code == 0
+
+
 def test_evaluate_tests_every_seed_and_writes_a_row_a_trial_and_seed(call, trained, tmp_path):
     code, out, err = call("evaluate", RUN, "--trials", 16, "--csv", "t.csv", "--json", "t.json")
     assert (code, err) == (0, "")

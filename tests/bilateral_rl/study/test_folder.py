@@ -37,6 +37,7 @@ def test_a_folder_says_which_study_it_holds_and_takes_it_again(tmp_path):
 def test_another_study_is_refused(tmp_path):
     for changes, name in (
         ({"seeds": 5}, "seeds = 4, not 5"),
+        ({"first_seed": 100}, "first_seed = 0, not 100"),
         ({"algo": "ppo"}, "algo = 'bptt', not 'ppo'"),
         ({"quick": True}, "quick = False, not True"),
         ({"overrides": {}}, "overrides = "),
@@ -48,6 +49,16 @@ def test_another_study_is_refused(tmp_path):
             claim_folder(tmp_path, values(**changes))
         assert f"holds a study with {name}" in str(error.value)
         claim_folder(tmp_path, values())
+
+
+def test_a_study_that_does_not_say_its_first_seed_began_at_0(tmp_path):
+    before = values()
+    assert before.pop("first_seed") == 0
+    claim_folder(tmp_path, before)
+    claim_folder(tmp_path, values())
+    with pytest.raises(UserError, match="holds a study with first_seed = 0, not 100"):
+        claim_folder(tmp_path, values(first_seed=100))
+    assert read_settings(tmp_path / STUDY_FILE) == before
 
 
 def test_sweeps_and_reproductions_do_not_mix(tmp_path):

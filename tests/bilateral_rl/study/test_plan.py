@@ -11,6 +11,7 @@ import pytest
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.schema import MAX_SEED
 from bilateral_rl.envs.tasks import TASKS, RandomReach
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.plan import Study, side_by_side
@@ -102,6 +103,27 @@ def test_overrides_win():
     assert seeds == {7, 8}
 
 
+def test_seeds_can_begin_anywhere():
+    study = Study(seeds=30, first_seed=100)
+    assert {tuple(config.all_seeds) for config in study.configs()} == {tuple(range(100, 130))}
+    assert study.name == "reproduce-bptt-paper-seeds-100-129"
+    rl = Study(algo="ppo", seeds=2, quick=True, first_seed=103)
+    assert len(rl.jobs()) == rl.n_jobs == 14 * 2
+    assert {(config.seed, config.seeds) for config in rl.configs()} == {(103, 1), (104, 1)}
+    assert {job.result.rpartition("-")[2] for job in rl.jobs()} == {"103.csv", "104.csv"}
+    assert rl.name == "reproduce-ppo-paper-quick-seeds-103-104"
+
+
+def test_seeds_explore_unless_all_are_from_100_on():
+    for study, purpose in (
+        (Study(), "exploration"),
+        (Study(first_seed=99, seeds=30), "exploration"),
+        (Study(first_seed=100, seeds=1), "confirmation"),
+        (Study(overrides={"seed": 100}), "confirmation"),
+    ):
+        assert study.purpose == purpose
+
+
 def test_trainings_with_two_losses_count_as_longer():
     costs = {job.arguments["config"]["model"]: job.cost for job in Study().jobs()}
     longer = {model for model, cost in costs.items() if cost > costs["uni_b"]}
@@ -125,6 +147,9 @@ def test_settings_that_cannot_be_are_refused():
     for overrides in ({"nothing": 1}, {"epochs": "many"}, {"timesteps": 5}):
         with pytest.raises(UserError):
             Study(overrides=overrides).jobs()
+    for algo in ("bptt", "ppo"):
+        with pytest.raises(UserError, match="The last seed"):
+            Study(algo=algo, seeds=2, first_seed=MAX_SEED).jobs()
 
 
 def test_what_cannot_be_retrained_after_a_lesion_is_refused_before_it_is_trained():
