@@ -7,8 +7,12 @@ from dataclasses import dataclass
 
 from bilateral_rl.analysis.formats import number, p_equation
 from bilateral_rl.analysis.intervals import Interval
+from bilateral_rl.analysis.power import Design
 from bilateral_rl.analysis.samples import join_notes
 from bilateral_rl.claims.rules import Verdict, all_of
+
+NOTHING = Interval(math.nan, math.nan, math.nan, 0)
+"""The estimate where there is none."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,11 @@ class Component:
     """p-value of the paper's test of the same comparison, Tukey's HSD; NaN where the paper has none."""
     note: str = ""
     """What readers must know about the numbers."""
+    effect: Interval = NOTHING
+    """How far the estimate lies on the claim's side of the line that the statement draws, as a share of the mean
+    (:mod:`bilateral_rl.claims.effects`): positive as claimed. NaN where nothing was measured."""
+    design: Design | None = None
+    """What the number of seeds of a confirmation follows from; None if nothing was measured."""
 
     @property
     def numbers(self) -> str:

@@ -7,17 +7,19 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from bilateral_rl.analysis.equivalence import EACH_SIDE, equivalence_test
 from bilateral_rl.analysis.intervals import Interval, difference_interval, mean_interval, ratio_interval
 from bilateral_rl.analysis.samples import Float64, align
 from bilateral_rl.analysis.statistics import PairTest, holm, paired_test, welch_test
-from bilateral_rl.claims.claim import Component
+from bilateral_rl.claims import designs, effects
+from bilateral_rl.claims.claim import NOTHING, Component
 from bilateral_rl.claims.evidence import Evidence, Sample
-from bilateral_rl.claims.margins import SMALLEST_EFFECT
-from bilateral_rl.claims.rules import Verdict, is_greater, is_not_conclusively_greater, is_within
+from bilateral_rl.claims.margins import PAPER_SEEDS, SMALLEST_EFFECT
+from bilateral_rl.claims.rules import Verdict, is_equivalent, is_greater, is_not_conclusively_greater, is_within
+from bilateral_rl.config.catalogue import MODELS
 
 Rule = Callable[[Interval, float, float], Verdict]
 _NAN = float("nan")
-_NOTHING = Interval(_NAN, _NAN, _NAN, 0)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def holm_family(contrasts: Sequence[Contrast]) -> list[Component]:
     adjusted = holm([test.p for test in tests])
     suffix = ", Holm" if len(tests) > 1 else ""
     return [
-        _direction(contrast, float(p), f"{test.name}{suffix}")
+        _direction(contrast, float(p), f"{test.name}{suffix}", comparisons=len(tests))
         for contrast, test, p in zip(contrasts, tests, adjusted, strict=True)
     ]
 
@@ -63,7 +65,7 @@ def post_hoc(evidence: Evidence, contrasts: Sequence[Contrast], rule: Rule = is_
     for contrast in contrasts:
         pair = contrast.greater.model, contrast.lesser.model
         howell, tukey = evidence.post_hoc(contrast.greater.measure, *pair)
-        components.append(_direction(contrast, howell.p, howell.name, tukey.p, rule))
+        components.append(_direction(contrast, howell.p, howell.name, tukey.p, rule, groups=len(MODELS)))
     return components
 
 
@@ -74,12 +76,17 @@ def not_greater(evidence: Evidence, contrasts: Sequence[Contrast]) -> list[Compo
 
 def mean_within(sample: Sample, low: float, high: float = float("inf")) -> Component:
     """State that a mean lies between ``low`` and ``high``, in the unit of its metric."""
-    text = f"{sample.measure.text}: {sample.name} {_range(low, high)} {sample.measure.metric.unit}"
+    unit = sample.measure.metric.unit
+    text = f"{sample.measure.text}: {sample.name} {_range(low, high)} {unit}"
     if sample.missing:
         return undecided(text, [sample])
     estimate = mean_interval(sample.values)
-    verdict = is_within(estimate, low, high)
-    return Component(text, sample.measured, "mean", sample.measure.metric.unit, estimate, verdict, note=estimate.note)
+    most = min(high, 100.0) if unit == "%" else high  # a share ends there, so that a plan must, too
+    return Component(
+        text, sample.measured, "mean", unit, estimate, is_within(estimate, low, high), note=estimate.note,
+        effect=effects.inside(estimate, low, high, sample.mean),
+        design=designs.of_mean(sample.values.to_numpy(dtype=float), low, most),
+    )  # fmt: skip
 
 
 def ratio_within(
@@ -87,52 +94,69 @@ def ratio_within(
 ) -> Component:
     """State that the ratio of two means, first / second, lies between ``low`` and ``high``."""
     text = f"{first.measure.text}: {first.name} / {second.name} {_range(low, high)}"
-    return _share(text, [first, second], Contrast(first, second, paired).values, low, high, paired)
+    samples = [first, second]
+    if any(sample.missing for sample in samples):
+        return undecided(text, samples)
+    values = Contrast(first, second, paired).values
+    estimate = ratio_interval(*values, paired=paired)
+    return Component(
+        text, _measured(samples), "ratio", "", estimate, is_within(estimate, low, high), note=estimate.note,
+        effect=effects.inside(estimate, low, high),
+        design=designs.of_ratio(*values, low, high, paired),
+    )  # fmt: skip
 
 
 def difference_within(first: Sample, second: Sample, share: float, whole: Sample | None = None) -> Component:
-    """State that two samples of the same networks differ by at most ``share`` of ``whole``; None is their own mean."""
+    """State that two samples of the same networks differ by at most ``share`` of ``whole``; None is their own mean.
+
+    Decided by two one-sided paired tests, of difference ± share · whole against 0.
+    """
     reference = whole.name if whole else "their mean"
     text = f"{first.measure.text}: {first.name} − {second.name} within ±{100 * share:g} % of {reference}"
     samples = [first, second, *([whole] if whole else [])]
+    if any(sample.missing for sample in samples):
+        return undecided(text, samples)
     table = pd.concat([sample.values for sample in samples], axis=1, join="inner").to_numpy(dtype=float)
     a, b = table[:, 0], table[:, 1]
     values = a - b, table[:, 2] if whole else (a + b) / 2
-    return _share(text, samples, values, -share, share, paired=True, quantity=f"difference / {reference}")
+    estimate = ratio_interval(*values, paired=True)
+    test = equivalence_test(*values, -share, share, paired=True)
+    return Component(
+        text, _measured(samples), f"difference / {reference}", "", estimate,
+        is_equivalent(estimate, test.p, -share, share), f"{test.name} at {EACH_SIDE:g} each", test.p,
+        note=estimate.note,
+        effect=effects.inside(estimate, -share, share),
+        design=designs.of_ratio(*values, -share, share, paired=True),
+    )  # fmt: skip
 
 
 def undecided(text: str, samples: Sequence[Sample]) -> Component:
     """Return a component that cannot be decided, because some of ``samples`` have no values."""
     names = ", ".join(f"{sample.name} in {sample.measure.task}" for sample in samples if sample.missing)
-    return Component(text, "", "", "", _NOTHING, "undecided", note=f"no results of {names}")
+    return Component(text, "", "", "", NOTHING, "undecided", note=f"no results of {names}")
 
 
-def _direction(contrast: Contrast, p: float, test: str, tukey_p: float = _NAN, rule: Rule = is_greater) -> Component:
-    text = contrast.text if rule is is_greater else f"{contrast.text}, not conclusively"
+def _direction(
+    contrast: Contrast, p: float, test: str, tukey_p: float = _NAN, rule: Rule = is_greater,
+    *, comparisons: int = 1, groups: int = 0,
+) -> Component:  # fmt: skip
+    claimed = rule is is_greater
+    text = contrast.text if claimed else f"{contrast.text}, not conclusively"
     pair = [contrast.greater, contrast.lesser]
     if any(sample.missing for sample in pair):
         return undecided(text, pair)
     estimate = difference_interval(*contrast.values, paired=contrast.paired)
-    matters = SMALLEST_EFFECT * sum(abs(sample.mean) for sample in pair) / 2
+    mean = sum(abs(sample.mean) for sample in pair) / 2
     unit = contrast.greater.measure.metric.unit.replace("%", "points")
-    verdict = rule(estimate, p, matters)
-    return Component(text, _measured(pair), "difference", unit, estimate, verdict, test, p, tukey_p, estimate.note)
-
-
-def _share(
-    text: str,
-    samples: Sequence[Sample],
-    values: tuple[Float64, Float64],
-    low: float,
-    high: float,
-    paired: bool,
-    quantity: str = "ratio",
-) -> Component:
-    if any(sample.missing for sample in samples):
-        return undecided(text, samples)
-    estimate = ratio_interval(*values, paired=paired)
-    verdict = is_within(estimate, low, high)
-    return Component(text, _measured(samples), quantity, "", estimate, verdict, note=estimate.note)
+    return Component(
+        text, _measured(pair), "difference", unit, estimate, rule(estimate, p, SMALLEST_EFFECT * mean), test, p,
+        tukey_p, estimate.note,
+        effect=effects.from_line(estimate, mean, 1 if claimed else -1),
+        design=designs.of_direction(
+            *contrast.values, mean, contrast.paired,
+            comparisons=comparisons, groups=groups, least=2 if claimed else PAPER_SEEDS,
+        ),
+    )  # fmt: skip
 
 
 def _measured(samples: Sequence[Sample]) -> str:

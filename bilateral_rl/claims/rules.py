@@ -6,9 +6,11 @@ needs all its components, so no adjustment beyond that of the families is due.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Literal
 
+from bilateral_rl.analysis.equivalence import EACH_SIDE
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.analysis.statistics import ALPHA
 from bilateral_rl.claims.margins import PAPER_SEEDS
@@ -45,6 +47,16 @@ def is_within(estimate: Interval, low: float, high: float) -> Verdict:
     if low <= estimate.low and estimate.high <= high:
         return "supported"
     return "not supported" if estimate.high < low or estimate.low > high else "undecided"
+
+
+def is_equivalent(estimate: Interval, p: float, low: float, high: float) -> Verdict:
+    """Decide by two one-sided tests whether a quantity lies within a range.
+
+    Supported if both tests are significant at half of α, which the 95 % interval then shows too; not supported if
+    either is significant the other way. NaN, where nothing spreads, leaves the decision to the interval.
+    """
+    tested = math.isnan(p) or p < EACH_SIDE or p > 1 - EACH_SIDE
+    return is_within(estimate, low, high) if tested else "undecided"
 
 
 def all_of(verdicts: Iterable[Verdict]) -> Verdict:

@@ -277,6 +277,16 @@ def test_little_difference_is_of_means_and_single_networks_are_noted(papers_worl
     assert "apart in random_reach" in papers_world["C5"].note
 
 
+def test_equal_hemispheres_are_shown_by_two_one_sided_tests(papers_world):
+    component = papers_world["C5"].components[0]
+    assert component.test == "two one-sided paired t tests at 0.025 each"
+    assert component.p < 0.025
+    noisy = [c for noise in (0.02, 0.05, 0.1, 0.2) for c in evaluate("C5", make_results(noise=noise)).components]
+    assert {c.verdict for c in noisy} == {"supported", "undecided"}
+    for c in noisy:
+        assert (c.p < 0.025) == (c.verdict == "supported")
+
+
 def test_goals_may_have_other_radii():
     results = make_results()
     assert evaluate("C3", results, hold_radius=0.01).verdict == "undecided"

@@ -1,7 +1,7 @@
 """From intervals and p-values to verdicts."""
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.claims.rules import all_of, is_greater, is_not_conclusively_greater, is_within
+from bilateral_rl.claims.rules import all_of, is_equivalent, is_greater, is_not_conclusively_greater, is_within
 
 NAN, INF = float("nan"), float("inf")
 
@@ -60,6 +60,20 @@ def test_one_sided_ranges():
     assert is_within(interval(0.5, -0.2, 0.7), -INF, 0.8) == "supported"
     assert is_within(interval(0.5, -INF, INF), -INF, 0.8) == "undecided"
     assert is_within(interval(0.9, 0.85, 0.95), -INF, 0.8) == "not supported"
+
+
+def test_equivalence_needs_both_tests_and_agrees_with_the_interval():
+    for estimate, p, verdict in (
+        (interval(0.02, -0.05, 0.09), 0.01, "supported"),
+        (interval(0.02, -0.09, 0.13), 0.06, "undecided"),
+        (interval(0.3, 0.2, 0.4), 0.999, "not supported"),
+        (interval(0.3, 0.05, 0.55), 0.9, "undecided"),
+        (interval(0.0, 0.0, 0.0), 0.1, "undecided"),  # no spread at the estimate, but a mean that may be 0
+        (interval(0.0, 0.0, 0.0), NAN, "supported"),  # all values equal
+        (interval(0.3, 0.3, 0.3), NAN, "not supported"),
+        (interval(0.02, NAN, NAN, n=1), NAN, "undecided"),
+    ):
+        assert is_equivalent(estimate, p, -0.1, 0.1) == verdict
 
 
 def test_a_claim_needs_all_of_its_components():
