@@ -21,12 +21,13 @@ from bilateral_rl.training.one_seed import MessageProgress
 from bilateral_rl.training.run import resume, train
 from bilateral_rl.training.side_by_side import SideBySideLearner
 
-SEEDS = [0, 1]
+SEEDS = [103, 104]
+FIRST, SECOND = SEEDS
 
 
 @pytest.fixture(scope="module")
 def config():
-    return small_rl("ppo", seeds=2)
+    return small_rl("ppo", seed=FIRST, seeds=2)
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +57,8 @@ def test_every_seed_ends_as_if_it_had_trained_alone(watched, alone, same_bits):
         states = network_states(outcome.folder, weights)
         for seed in SEEDS:
             assert same_bits(states[seed], network_states(alone[seed], weights)[seed])
-    assert same_bits(dict(policies[1].state_dict()), alone[1].load_weights("final"))
-    assert not same_bits(states[0], states[1])
+    assert same_bits(dict(policies[SECOND].state_dict()), alone[SECOND].load_weights("final"))
+    assert not same_bits(states[FIRST], states[SECOND])
 
 
 def test_the_run_says_how_far_every_seed_came_and_what_it_measured(watched, config, alone):
@@ -104,7 +105,7 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
     path, output = tmp_path / "random_reach" / "cc_s-ppo-1", tmp_path / "output"
     source = watched[0].folder.path / "config.yaml"
     with started("train", "--config", source, "--out", tmp_path, output=output) as process:
-        wait_until((path / "seed_0" / "resume.safetensors").exists, process, output)
+        wait_until((path / f"seed_{FIRST}" / "resume.safetensors").exists, process, output)
         os.kill(process.pid, signal.SIGKILL)
         process.join(TIMEOUT)
     folder = RunFolder(path)
@@ -113,10 +114,10 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
         assert time.monotonic() < deadline
         time.sleep(0.05)
     text = output.read_text()
-    assert "1,600 steps over 8 arms, seeds 0 to 1 side by side" in " ".join(text.split())
+    assert "1,600 steps over 8 arms, seeds 103 to 104 side by side" in " ".join(text.split())
     code, text = finished("train", "--resume", path, output=output)
     assert code == 0, text
-    assert "steps of all seeds, seed 1: goal" in text
+    assert "steps of all seeds, seed 104: goal" in text
     assert "mean ± standard deviation over 2 seeds" in " ".join(text.split())
     for seed in SEEDS:
         assert differences(child(folder, seed), child(watched[0].folder, seed)) == []
@@ -158,7 +159,7 @@ def processes(monkeypatch):
 def test_a_training_is_not_finished_if_the_process_of_a_seed_ends_early(config, tmp_path, processes):
     longer = with_values(config, timesteps=8_000, evaluation={"every": 2_000, "checkpoint_every": 2_000})
     watch = Assassin(processes, tmp_path)
-    with pytest.raises(UserError, match=r"seed 0 ended early, with exit code .*train --resume \S*cc_s-ppo-1"):
+    with pytest.raises(UserError, match=r"seed 103 ended early, with exit code .*train --resume \S*cc_s-ppo-1"):
         train(longer, tmp_path, watch)
     (folder,) = find_runs(tmp_path)
     status = folder.status()
@@ -194,20 +195,23 @@ def test_a_message_that_nobody_reads_any_more_stops_nothing():
 
 
 def test_a_training_that_diverges_in_every_seed_is_one_error_that_names_them(config, tmp_path):
-    with pytest.raises(UserError, match=r"Seed 0 failed: .*diverged.*Seed 1 failed: .*learning_rate"):
+    with pytest.raises(UserError, match=r"Seed 103 failed: .*diverged.*Seed 104 failed: .*learning_rate"):
         train(with_values(config, ppo={"learning_rate": 1e30, "max_grad_norm": 1e30}), tmp_path)
     (folder,) = find_runs(tmp_path)
     assert folder.status()["state"] == "failed"
 
 
-def test_all_commands_take_such_a_run_and_each_of_its_seeds(watched, tmp_path, call):
+def test_all_commands_take_such_a_run_and_each_of_its_seeds(watched, alone, tmp_path, call):
     run = watched[0].folder.path
+    for number, named in enumerate((f"{run}:{SECOND}", alone[SECOND].path)):
+        assert call("evaluate", named, "--trials", 8, "--csv", f"{number}.csv")[0] == 0
+    assert (tmp_path / "0.csv").read_text() == (tmp_path / "1.csv").read_text()
     for arguments, words in (
         (("evaluate", run, "--trials", 8), "over 2 seeds"),
-        (("evaluate", f"{run}:1", "--trials", 8, "--weights", "best"), "goal completion"),
+        (("evaluate", f"{run}:{SECOND}", "--trials", 8, "--weights", "best"), "goal completion"),
         (("lesion", run, "--trials", 8, "--lesion", "callosum", "--no-retrain", "--out", "lesions"), "callosum"),
-        (("compare", f"{run}:0", f"{run}:1", "--trials", 8), None),
-        (("render", f"{run}:1", "--trials", 1, "--out", "video.gif"), None),
+        (("compare", f"{run}:{FIRST}", f"{run}:{SECOND}", "--trials", 8), None),
+        (("render", f"{run}:{SECOND}", "--trials", 1, "--out", "video.gif"), None),
         (("list", "--out", run.parent.parent), "of 2 seeds"),
     ):
         code, out, err = call(*arguments)
@@ -216,7 +220,19 @@ def test_all_commands_take_such_a_run_and_each_of_its_seeds(watched, tmp_path, c
         else:
             assert (code, err) == (0, "")
             assert words in " ".join(out.split())
-    begun = ["train", "--algo", "bptt", "--seeds", "2", "--epochs", "1", "--init-from", run, "--out", tmp_path / "new"]
+    begun = [
+        "train",
+        "--algo",
+        "bptt",
+        "--seeds",
+        "103..104",
+        "--epochs",
+        "1",
+        "--init-from",
+        run,
+        "--out",
+        tmp_path / "new",
+    ]
     few = ["bptt.trials=32", "bptt.batch_size=16", "bptt.validation_trials=8", "trial.trial_length=20"]
     code, _, err = call(*begun, *(word for item in few for word in ("--set", item)))
     assert (code, err) == (0, "")
