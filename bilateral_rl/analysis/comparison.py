@@ -11,7 +11,7 @@ import pandas as pd
 
 from bilateral_rl.analysis.bootstrap import bootstrap_difference, bootstrap_mean, bootstrap_ratio
 from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g
-from bilateral_rl.analysis.results import RETRAINING, State, by_seed
+from bilateral_rl.analysis.results import State, by_seed, protocol_words
 from bilateral_rl.analysis.samples import Float64, align, finite, join_notes
 from bilateral_rl.analysis.statistics import (
     OmnibusTest,
@@ -103,13 +103,14 @@ def compare_lesions(results: pd.DataFrame, metric: str, intact: State) -> Compar
         (results["metric"] == metric)
         & (results["task"] == intact.task)
         & (results["model"] == intact.model)
-        & (results["retrained"] == intact.retrained)
+        & (results["protocol"] == intact.protocol)
+        & (results["network"] == intact.network)
     ]
     present = list(dict.fromkeys(rows["lesion"]))
     if INTACT not in present or len(present) < 2:
         raise UserError(
             f"A comparison of lesions needs {metric} in {intact.task} of {intact.model}, "
-            f"{RETRAINING[intact.retrained]}, intact and with a lesion; there is {', '.join(present) or 'nothing'}: "
+            f"{protocol_words(intact.protocol)}, intact and with a lesion; there is {', '.join(present) or 'nothing'}: "
             "run `bilateral-rl lesion` first."
         )
     lesions = [INTACT, *(name for name in present if name != INTACT)]

@@ -7,7 +7,7 @@ so that networks of a stack cannot influence each other, not even by the roundin
 
 import functools
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -39,10 +39,13 @@ class StackedAdam:
         learning_rate: Adam's learning rate.
         epsilon: Adam's ε, added where Keras adds it.
         clip_norm: largest norm of a variable's gradient.
-        step: number of updates done before.
+        step: number of updates done before, of all networks or of each.
         trained: names of the variables that it moves; None for all.
+        still: (S, width) bool, single numbers that it leaves as they are, and whose gradients it ignores, those of a
+            penalty too; None for none.
 
     Attributes:
+        steps: number of updates of each network.
         first: (S, width), Adam's first moments.
         second: (S, width), Adam's second moments.
         routed: (S, width), the last gradient, before its clipping.
@@ -57,11 +60,13 @@ class StackedAdam:
         learning_rate: float,
         epsilon: float,
         clip_norm: float,
-        step: int = 0,
+        step: int | Sequence[int] = 0,
         trained: Collection[str] | None = None,
+        still: Tensor | None = None,
     ) -> None:
         self._rollout, self._losses = rollout, losses
-        self.learning_rate, self.epsilon, self.clip_norm, self.step_count = learning_rate, epsilon, clip_norm, step
+        self.learning_rate, self.epsilon, self.clip_norm = learning_rate, epsilon, clip_norm
+        self.steps = [step] * rollout.size.n_networks if isinstance(step, int) else list(step)
         self.first, self.second, self.routed = (torch.zeros_like(rollout.weights) for _ in range(3))
         variables = rollout.layout.variables
         self.norms = rollout.weights.new_zeros(rollout.size.n_networks, len(variables))
@@ -74,26 +79,30 @@ class StackedAdam:
         self._non_negative = self._integers([v.non_negative for v in variables])
         self._trained = self._integers([trained is None or v.name in trained for v in variables])
         self._moves = self._trained.repeat(len(self.norms), 1)
+        self._still = torch.zeros(rollout.weights.shape, dtype=torch.int32, device=rollout.device)
+        if still is not None:
+            self._still.copy_(still)
         self._kernels = optimizer_kernels(rollout.real)
 
     def gradient(self) -> Tensor:
         """Compute the routed gradients of the rollout's last forward pass; return (S,) bool, whether each is finite."""
         gradient = self._losses.gradient(self._rollout)
-        inputs = [gradient, self._rollout.weights, self._decay, self._shares, self._offsets, self.routed, self.norms]
-        self._launch(self._kernels.route, inputs)
+        inputs = [gradient, self._rollout.weights, self._decay, self._shares, self._offsets, self._still]
+        self._launch(self._kernels.route, [*inputs, self.routed, self.norms])
         return self.norms.isfinite().all(1)
 
     def step(self, moving: Tensor | None = None) -> None:
         """Move the networks by the last :meth:`gradient`, all of them or those where ``moving`` (S,) bool is True."""
-        self.step_count += 1
+        self.steps = [step + 1 for step in self.steps]
         self._moves[:] = self._trained if moving is None else moving.to(self._moves)[:, None] * self._trained
         # Keras corrects the bias of both moments in the learning rate, so that ε is added to the uncorrected √v.
-        correction = math.sqrt(1.0 - BETA_2**self.step_count) / (1.0 - BETA_1**self.step_count)
+        corrections = [math.sqrt(1.0 - BETA_2**step) / (1.0 - BETA_1**step) for step in self.steps]
+        rates = self._rollout.weights.new_tensor([self.learning_rate * correction for correction in corrections])
         self._launch(
             self._kernels.adam,
             [
-                *(self.routed, self.norms, self._offsets, self._non_negative, self._moves),
-                *(self.clip_norm, self.learning_rate * correction, self.epsilon),
+                *(self.routed, self.norms, self._offsets, self._non_negative, self._moves, self._still),
+                *(self.clip_norm, rates, self.epsilon),
                 *(self.first, self.second, self._rollout.weights),
             ],
         )
@@ -119,6 +128,7 @@ def optimizer_kernels(real: Any) -> OptimizerKernels:
         decay: wp.array(dtype=real),  # (streams,)
         shares: wp.array2d(dtype=real),  # (streams, variables)
         offsets: wp.array(dtype=int),  # (variables + 1,)
+        still: wp.array2d(dtype=int),  # (S, width)
         routed: wp.array2d(dtype=real),  # (S, width), written
         norms: wp.array2d(dtype=real),  # (S, variables), written
     ) -> None:
@@ -129,7 +139,7 @@ def optimizer_kernels(real: Any) -> OptimizerKernels:
             combined = real(0.0)
             for stream in range(gradient.shape[0]):
                 # A stream without a share is left out: 0 times an infinite gradient would be NaN.
-                if shares[stream, v] != real(0.0):
+                if shares[stream, v] != real(0.0) and still[s, i] == 0:
                     of_stream = gradient[stream, s, i] + decay[stream] * weights[s, i]
                     combined += shares[stream, v] * of_stream
             routed[s, i] = combined
@@ -143,8 +153,9 @@ def optimizer_kernels(real: Any) -> OptimizerKernels:
         offsets: wp.array(dtype=int),  # (variables + 1,)
         non_negative: wp.array(dtype=int),  # (variables,)
         moves: wp.array2d(dtype=int),  # (S, variables)
+        still: wp.array2d(dtype=int),  # (S, width)
         clip_norm: real,
-        rate: real,
+        rates: wp.array(dtype=real),  # (S,)
         epsilon: real,
         first: wp.array2d(dtype=real),  # (S, width), updated, like all that follow
         second: wp.array2d(dtype=real),
@@ -156,12 +167,13 @@ def optimizer_kernels(real: Any) -> OptimizerKernels:
             return
         norm = wp.max(norms[s, v], clip_norm)  # a gradient within the bound is divided by the bound: left as it is
         for i in range(offsets[v], offsets[v + 1]):
-            clipped = routed[s, i] * clip_norm / norm
-            first[s, i] = first[s, i] + (clipped - first[s, i]) * new_1
-            second[s, i] = second[s, i] + (clipped * clipped - second[s, i]) * new_2
-            moved = weights[s, i] - rate * first[s, i] / (wp.sqrt(second[s, i]) + epsilon)
-            if non_negative[v] != 0:
-                moved = wp.max(moved, real(0.0))
-            weights[s, i] = moved
+            if still[s, i] == 0:
+                clipped = routed[s, i] * clip_norm / norm
+                first[s, i] = first[s, i] + (clipped - first[s, i]) * new_1
+                second[s, i] = second[s, i] + (clipped * clipped - second[s, i]) * new_2
+                moved = weights[s, i] - rates[s] * first[s, i] / (wp.sqrt(second[s, i]) + epsilon)
+                if non_negative[v] != 0:
+                    moved = wp.max(moved, real(0.0))
+                weights[s, i] = moved
 
     return OptimizerKernels(route, adam)

@@ -13,7 +13,7 @@ from bilateral_rl.envs.arm import Arm
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task
 
-_WEIGHTS, _TRAINING, _VALIDATION, _ORDER, _RETRAINING = range(5)
+_WEIGHTS, _TRAINING, _VALIDATION, _ORDER, _RETRAINING, _RETRAINING_ORDER = range(6)
 """Numbers of a seed's random streams; none depends on how much of another was used."""
 
 
@@ -33,7 +33,7 @@ def validation_trials(seed: int, n: int, task: Task, settings: TrialSettings) ->
 
 
 def retraining_trials(seed: int, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
-    """Return the ``n`` trials by which the seed's output layer adapts to a lesion, each tensor (n, 2)."""
+    """Return the ``n`` trials by which the seed's network adapts to a lesion, each tensor (n, 2)."""
     return _draw(_sequence(seed, _RETRAINING), n, task, settings)
 
 
@@ -45,6 +45,12 @@ def stacked(trials: Sequence[TrialTensors], device: str = "cpu") -> TrialTensors
 def epoch_order(seed: int, epoch: int, n: int) -> NDArray[np.int64]:
     """Return the order (n,) of the seed's trials in ``epoch``: a function of both, so that a resumed run repeats it."""
     return np.random.default_rng(_sequence(seed, _ORDER, epoch)).permutation(n)
+
+
+def retraining_order(seed: int, epoch: int, n: int) -> NDArray[np.int64]:
+    """Return the order (n,) of the seed's trials in ``epoch`` of a retraining; in epoch 0 they stand as drawn."""
+    rng = np.random.default_rng(_sequence(seed, _RETRAINING_ORDER, epoch))
+    return rng.permutation(n) if epoch else np.arange(n)
 
 
 def _sequence(seed: int, *stream: int) -> np.random.SeedSequence:

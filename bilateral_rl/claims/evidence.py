@@ -73,7 +73,7 @@ class Evidence:
 
     Attributes:
         completion, speed, hold: the measures of the claims.
-        retrained: whether lesioned networks are those that were retrained after the lesion.
+        protocol: name of the protocol that lesioned networks followed.
 
     Raises:
         UserError: results of several algorithms, or a radius that no goal can have.
@@ -87,7 +87,7 @@ class Evidence:
         self.completion = Measure(find_metric(preferred_metric(reach, radii[reach])), reach)
         self.speed = Measure(find_metric(metric_name("speed_to_goal", radii[reach])), reach)
         self.hold = Measure(find_metric(preferred_metric(hold, radii[hold])), hold)
-        self.retrained = True
+        self.protocol = "output"
         self._results = results
         self._values: dict[tuple[str, State], pd.Series] = {}
         self._post_hoc: dict[tuple[Measure, str, str], tuple[PairTest, PairTest]] = {}
@@ -95,7 +95,7 @@ class Evidence:
     def without_retraining(self) -> Evidence:
         """Return the same evidence, but of lesioned networks that were not retrained."""
         other = copy.copy(self)
-        other.retrained = False
+        other.protocol = "none"
         return other
 
     def intact(self, measure: Measure, model: str) -> Sample:
@@ -120,7 +120,7 @@ class Evidence:
         return self._post_hoc[key]
 
     def _after(self, name: str, measure: Measure, model: str, lesion: str) -> Sample:
-        return self._sample(name, measure, State(measure.task, model, lesion, self.retrained))
+        return self._sample(name, measure, State(measure.task, model, lesion, self.protocol))
 
     def _sample(self, name: str, measure: Measure, state: State) -> Sample:
         key = measure.metric.name, state

@@ -14,7 +14,8 @@ from rich.markup import escape
 
 from bilateral_rl.analysis.comparison import Comparison, compare, compare_lesions
 from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
-from bilateral_rl.analysis.results import COLUMNS, RETRAINING, State
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.analysis.results import COLUMNS, State, protocol_words, protocols_in, treatment
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.comparison_tables import print_comparison, print_methods
@@ -92,7 +93,10 @@ def _compare_models(
         evaluator = Evaluator(one.config.task, one.config.trial, trials, seed)
         head = (label, one.config.task, one.config.algo)
         for number, policy in load_policies(one.folder, seed=one.only).items():
-            rows += [(*head, number, INTACT, False, *pair) for pair in measure(evaluator.run(policy), metrics).items()]
+            rows += [
+                (*head, number, INTACT, *treatment(Protocol("none")), *pair)
+                for pair in measure(evaluator.run(policy), metrics).items()
+            ]
     results = pd.DataFrame(rows, columns=list(COLUMNS))
     comparisons = [(compare(results, metric.name, chosen[0].config.task), "") for metric in metrics]
     tables = [comparison.pairs.assign(metric=comparison.metric) for comparison, _ in comparisons]
@@ -153,12 +157,11 @@ def _compare_lesions(one: _Chosen, metrics: Sequence[Metric], csv: Path | None, 
     for metric in metrics:
         if metric.name not in measured:
             raise UserError(f"{folder.path} has no {metric.name}; choose a --metric from {', '.join(measured)}.")
-        for retrained, words in RETRAINING.items():
-            if (results["retrained"] == retrained).any():
-                state = State(one.config.task, one.config.model, retrained=retrained)
-                comparison = compare_lesions(results, metric.name, state)
-                comparisons.append((comparison, f"{one.config.model}, {words}"))
-                tables.append(comparison.pairs.assign(metric=metric.name, retrained=retrained))
+        for protocol in protocols_in(results):
+            state = State(one.config.task, one.config.model, protocol=protocol)
+            comparison = compare_lesions(results, metric.name, state)
+            comparisons.append((comparison, f"{one.config.model}, {protocol_words(protocol)}"))
+            tables.append(comparison.pairs.assign(metric=metric.name, protocol=protocol))
     _report(comparisons, tables, notes, csv, console)
 
 

@@ -13,7 +13,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.results import RETRAINING, State, by_seed
+from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
+from bilateral_rl.analysis.results import State, by_seed, protocol_words
 from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.figures.labels import with_unit
@@ -41,7 +42,7 @@ def lesion(
     Args:
         run: RUN, or RUN:SEED for one network of it.
         lesions: their names; None for all that the model can have.
-        retrain: whether the output layer also adapts for one epoch in each state.
+        retrain: whether networks also adapt to each state.
         profile: whose combined lesions: "paper" or "released"; None for the run's profile.
         trials: number of trials of each test.
         seed: seed of the first trial.
@@ -54,7 +55,13 @@ def lesion(
     """
     check_trials(trials, seed)
     folder, only = parse_run(run)
-    settings = LesionSettings(tuple(lesions) if lesions else None, retrain, profile, trials, seed)
+    settings = LesionSettings(
+        lesions=tuple(lesions) if lesions else None,
+        protocols=DEFAULT_PROTOCOLS if retrain else (Protocol("none"),),
+        profile=profile,
+        trials=trials,
+        seed=seed,
+    )
     study = LesionStudy(folder, settings, only, weights)
     output = LesionFolder(out) if out else LesionFolder.beside(folder, only)
     if out is None and output.path.is_symlink():
@@ -93,13 +100,14 @@ def _print(results: pd.DataFrame, study: LesionStudy, title: str, console: Conso
 def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
     """Mean ± standard deviation over the seeds, a row a state, below each metric."""
     table = Table("lesion")
-    for retrained in _treatments(study):
-        table.add_column(RETRAINING[retrained], justify="right")
+    table.columns[0].no_wrap = True  # the others' heads can be wrapped
+    for protocol in _protocols(study):
+        table.add_column(protocol_words(protocol), justify="right")
     for metric in lesion_metrics(study.config):
         table.add_section()
         table.add_row(f"[bold]{with_unit(metric)}")
         for name in study.names:
-            states = [State(study.config.task, study.config.model, name, again) for again in _treatments(study)]
+            states = [State(study.config.task, study.config.model, name, protocol) for protocol in _protocols(study)]
             values = [mean_sd(by_seed(results, metric.name, state), 1) for state in states]
             table.add_row(lesion_words(name), *values)
     if (seeds := results["seed"].nunique()) > 1:
@@ -112,12 +120,12 @@ def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
     if not set(ALONE.values()) <= set(study.names):
         return ""
     metric, parts = lesion_metrics(study.config)[0], []
-    for retrained in _treatments(study):
-        state = State(study.config.task, study.config.model, retrained=retrained)
+    for protocol in _protocols(study):
+        state = State(study.config.task, study.config.model, protocol=protocol)
         index = specialization_by_seed(results, metric.name, state)
-        parts.append(f"{mean_sd(index, 3, '+')} {RETRAINING[retrained]}")
+        parts.append(f"{mean_sd(index, 3, '+')} {protocol_words(protocol)}")
     return f"Specialization index: {', '.join(parts)} (above 0: the dominant side does more alone)."
 
 
-def _treatments(study: LesionStudy) -> tuple[bool, ...]:
-    return (False, True) if study.settings.retrain else (False,)
+def _protocols(study: LesionStudy) -> list[str]:
+    return [protocol.name for protocol in study.settings.protocols]

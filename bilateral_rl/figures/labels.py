@@ -56,8 +56,3 @@ def task_label(name: str) -> str:
 def lesion_label(name: str) -> str:
     """Return a lesion in words, in short lines."""
     return textwrap.fill(lesion_words(name), _LESION_CHARACTERS, break_long_words=False)
-
-
-def retraining_label(retrained: bool) -> str:
-    """Say whether networks were retrained after their lesion."""
-    return "after one epoch of retraining" if retrained else "without retraining"

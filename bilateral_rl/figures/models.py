@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.analysis.results import State, by_seed
+from bilateral_rl.analysis.results import State, as_trained, by_seed
 from bilateral_rl.figures.labels import MetricLike, axis_label, model_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import in_order, model_style, new_figure, set_note, set_title, style_axes
@@ -26,7 +26,7 @@ def model_comparison(results: pd.DataFrame, task: str, metrics: Sequence[MetricL
         task: which of its tasks; every model that has intact values of it is drawn.
         metrics: what to draw, from the top.
     """
-    rows = results[(results["task"] == task) & (results["lesion"] == INTACT) & ~results["retrained"].astype(bool)]
+    rows = results[(results["task"] == task) & (results["lesion"] == INTACT) & as_trained(results)]
     models = in_order(rows["model"])
     figure = new_figure(0.85 + _PANEL_HEIGHT * len(metrics))
     panels = figure.subplots(len(metrics), 1, sharex=True, squeeze=False)[:, 0]

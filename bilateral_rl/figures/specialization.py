@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bilateral_rl.analysis.results import State
+from bilateral_rl.analysis.results import State, protocol_words
 from bilateral_rl.analysis.specialization import specialization_by_seed
-from bilateral_rl.figures.labels import MetricLike, model_label, retraining_label, task_label
+from bilateral_rl.figures.labels import MetricLike, model_label, task_label
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import (
     INK,
@@ -27,7 +27,7 @@ _TASK_MARKERS = (("o", True), ("s", False), ("^", True), ("D", False))
 
 
 def specialization(
-    results: pd.DataFrame, metrics: Mapping[str, MetricLike], models: Sequence[str], retrained: bool = False
+    results: pd.DataFrame, metrics: Mapping[str, MetricLike], models: Sequence[str], protocol: str = "none"
 ) -> Figure:
     """Draw how much better the dominant hemisphere of each model works alone than the other one, tasks side by side.
 
@@ -37,14 +37,14 @@ def specialization(
         results: table of :mod:`bilateral_rl.analysis.results`.
         metrics: the metric of each task, one where more is better, by the task's name; at most four tasks.
         models: of which models; those without hemispheres show a dash.
-        retrained: whether the values are those after the epoch of retraining.
+        protocol: name of the protocol that followed the lesions.
     """
     figure = new_figure(3.6)
     axes = figure.subplots()
     order, means = in_order(models), []
     for (task, metric), mark, shift in zip(metrics.items(), _TASK_MARKERS, _shifts(len(metrics)), strict=False):
         for x, model in enumerate(order):
-            index = specialization_by_seed(results, metric.name, State(task, model, retrained=retrained))
+            index = specialization_by_seed(results, metric.name, State(task, model, protocol=protocol))
             style, width = model_style(model)._replace(marker=mark[0]), 0.5 / len(metrics)
             means.append(draw_seeds(axes, x + shift, index, style, width=width, filled=mark[1]))
     axes.axhline(0, color=INK, linewidth=0.8)
@@ -53,7 +53,7 @@ def specialization(
     axes.set_xlim(-0.6, len(order) - 0.4)
     words = [f"{task_label(task)}: {metric.label}" for task, metric in metrics.items()]
     handles = [marker_handle(*mark) for mark in _TASK_MARKERS[: len(words)]]
-    set_title_and_legend(figure, f"Specialization of the hemispheres, {retraining_label(retrained)}", handles, words)
+    set_title_and_legend(figure, f"Specialization of the hemispheres, {protocol_words(protocol)}", handles, words)
     meaning = "(d − n) / (d + n); d, n: value with only the dominant, only the non-dominant hemisphere."
     set_note(figure, f"{meaning}\n{marks_in_words(means)}")
     return figure

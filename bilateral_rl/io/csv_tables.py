@@ -49,6 +49,17 @@ def read_table(path: Path, kinds: Mapping[str, type]) -> pd.DataFrame:
     return table.assign(**{name: table[name].replace([np.inf, -np.inf], np.nan) for name in infinite})
 
 
+def column_names(path: Path) -> list[str]:
+    """Return the words of a CSV file's first line, which may be none.
+
+    Raises:
+        FileNotFoundError: the file does not exist.
+        UserError: it cannot be read.
+    """
+    first, _, _ = files.read(path, _LARGEST_TABLE, within=path.parent).partition(b"\n")
+    return first[:_LONGEST_HEADER].decode(errors="replace").strip().split(",")
+
+
 def _check_column(name: str, values: pd.Series, kind: type) -> None:
     """Raise a ValueError for values that pandas reads as this type but nobody can compute with."""
     if kind is str and values.isna().any():

@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.comparison import compare
 from bilateral_rl.analysis.metrics import find_metric, metric_name, preferred_metric
+from bilateral_rl.analysis.results import protocol_words, protocols_in
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves
 from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
-from bilateral_rl.figures.labels import model_label, retraining_label, task_label
+from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.models import model_comparison
 from bilateral_rl.figures.posthoc import posthoc_matrix
@@ -95,13 +96,13 @@ def _draw_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator
         return
     for task, metric in metrics.items():
         if task in set(results["task"]):
-            caption = f"{task_label(task)}: {metric.label} after each lesion, without and with an epoch of retraining."
+            caption = f"{task_label(task)}: {metric.label} after each lesion, by what followed it."
             yield Drawing(f"lesions_{task}", caption, lesion_effects(results, task, metric, models))
-    for retrained in (True, False):
-        words = retraining_label(retrained)
+    for protocol in protocols_in(results):
+        words = protocol_words(protocol)
         caption = f"Specialization index of the hemispheres, {words}: above 0 the dominant one does more alone."
-        figure = specialization(results, metrics, models, retrained)
-        yield Drawing(f"specialization_{'retrained' if retrained else 'untrained'}", caption, figure)
+        figure = specialization(results, metrics, models, protocol)
+        yield Drawing(f"specialization_{protocol}", caption, figure)
 
 
 def _draw_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> Iterator[Drawing]:

@@ -16,8 +16,9 @@ import pandas as pd
 from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
-from bilateral_rl.analysis.results import read_results
-from bilateral_rl.config.parse import plain
+from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
+from bilateral_rl.analysis.results import FRESH, protocols_in, read_results
+from bilateral_rl.config.parse import build, plain
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
@@ -90,11 +91,18 @@ class LesionFolder:
             self._write_events(results)
 
     def _write_events(self, results: pd.DataFrame) -> None:
-        means = results.groupby(["metric", "lesion", "retrained"], sort=False)["value"].mean().reset_index()
+        """Write the mean over the seeds of each metric and lesion, a line for each protocol and for its control."""
+        states = ["metric", "lesion", "network", "protocol", "epochs"]
+        means = results.groupby(states, sort=False)["value"].mean().reset_index()
+        retrained = [name for name in protocols_in(results) if name != "none"]
         with SummaryWriter(str(self.path)) as board:
             for row in means.to_dict("records"):
-                # Along the x axis: epochs of retraining.
-                board.add_scalar(f"lesions_{row['metric']}/{row['lesion']}", row["value"], int(row["retrained"]))
+                # Along the x axis: epochs of retraining. Every line begins where nothing has been retrained yet.
+                lines = (retrained or ["none"]) if row["protocol"] == "none" else [row["protocol"]]
+                control = "/fresh" if row["network"] == FRESH else ""
+                for line in lines:
+                    tag = f"lesions_{row['metric']}/{row['lesion']}/{line}{control}"
+                    board.add_scalar(tag, row["value"], row["epochs"])
 
     def holds_stale_results(self, run: RunFolder) -> bool:
         """Whether there are results here, and they say that they are of other weights than ``run`` has now."""
@@ -134,7 +142,7 @@ class LesionFolder:
 
     def _description(self) -> dict[str, Any]:
         description = RunFolder(self.path).read_json(SETTINGS, default={})
-        return description if isinstance(description, dict) else {}
+        return _up_to_date(description) if isinstance(description, dict) else {}
 
     def _check_writable(self) -> None:
         refuse_traps(self.path)
@@ -147,6 +155,7 @@ class LesionFolder:
         stored = RunFolder(self.path).read_json(SETTINGS, default={})
         if not isinstance(stored, dict):
             raise UserError(f"{self.path / SETTINGS} does not say how lesions were made; choose another --out.")
+        stored = _up_to_date(stored)
         for name in description.keys() - _NO_TREATMENT:
             if stored.get(name, description[name]) != description[name]:
                 raise UserError(
@@ -171,17 +180,47 @@ def lesion_metrics(config: TrainConfig) -> Sequence[Metric]:
     return [find_metric(name) for name in (preferred_metric(config.task, config.trial.threshold), "final_error")]
 
 
+def _up_to_date(description: Mapping[str, Any]) -> dict[str, Any]:
+    """The same entries as those of this version: 0.1.0 only knew whether the output layer was retrained, too."""
+    retrain = description.get("retrain")
+    if not isinstance(retrain, bool) or "protocols" in description:
+        return dict(description)
+    protocols = [Protocol("none"), *([Protocol("output")] if retrain else [])]
+    entries = {name: value for name, value in description.items() if name != "retrain"}
+    return entries | {"protocols": [dataclasses.asdict(protocol) for protocol in protocols]}
+
+
 def _lesion_command(name: str, description: Mapping[str, Any]) -> str:
     """The command that makes the lesions of a run again as they are described."""
     defaults, words = LesionSettings(), ["bilateral-rl", "lesion", name]
     lesions = description.get("lesions")
     for lesion in lesions if isinstance(lesions, list) else ():
         words += ["--lesion", lesion]
-    if description.get("retrain") is False:
-        words.append("--no-retrain")
+    words += _protocol_options(description)
+    if description.get("control") is False:
+        words.append("--no-control")
     usual = {"profile": None, "trials": defaults.trials, "seed": defaults.seed, "weights": FINAL}
     for option, default in usual.items():
         value = description.get(option, default)
         if value != default:
             words += [f"--{option}", value]
     return shlex.join(map(str, words))
+
+
+def _protocol_options(description: Mapping[str, Any]) -> list[str]:
+    """The options that ask for the protocols described, whose settings are the same for all that retrain something."""
+    try:
+        protocols = [build(Protocol, values) for values in description["protocols"]]
+    except (KeyError, TypeError, UserError):  # nobody says, or not in words that are known
+        return []
+    kinds, usual = [protocol.retrain for protocol in protocols], [protocol.retrain for protocol in DEFAULT_PROTOCOLS]
+    words = [word for kind in kinds for word in ("--retrain", kind)] if kinds != usual else []
+    if kinds == ["none"]:
+        words = ["--no-retrain"]
+    settings = next((protocol for protocol in protocols if protocol.retrain != "none"), Protocol("none"))
+    for field in dataclasses.fields(Protocol)[1:]:
+        value = getattr(settings, field.name)
+        if value != field.default:
+            option = f"--retrain-{field.name.replace('_', '-')}"
+            words += [option] if value is True else [option, value]
+    return words

@@ -1,26 +1,29 @@
-"""Lesion studies: a run's networks intact and after each lesion, without and with retraining (paper section 6)."""
+"""Lesion studies: a run's networks intact and after each lesion, by each protocol (paper section 6)."""
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 
 import pandas as pd
+from pydantic.dataclasses import dataclass
 
 from bilateral_rl.analysis.goals import STUDY_RADII, distinct_radii
 from bilateral_rl.analysis.metrics import Metric, measure, metrics_of
-from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
+from bilateral_rl.analysis.results import COLUMNS, FRESH, TRAINED, treatment
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.config.hyperparameters import Flag
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.quantities import STRICT
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
+from bilateral_rl.training.fresh_networks import fresh_network
+from bilateral_rl.training.moments import trained_moments
 from bilateral_rl.training.retraining import Retraining
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
@@ -28,14 +31,16 @@ OnState = Callable[[int, int, str], None]
 """Called with how many states of how many are done, and the name of the next one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=STRICT)
 class LesionSettings:
     """How the networks of a run are lesioned, retrained and tested."""
 
     lesions: tuple[str, ...] | None = None
     """Names of the lesions; None for all that the architecture can have. The intact network always comes first."""
-    retrain: bool = True
-    """Whether each state is also tested after an epoch in which the output layer adapts to it."""
+    protocols: tuple[Protocol, ...] = DEFAULT_PROTOCOLS
+    """What follows each lesion; each state is tested once per protocol."""
+    control: Flag = True
+    """Whether freshly initialized networks of the same model, seeds, lesions and trials go through the same."""
     profile: str | None = None
     """Whose combined lesions: "paper" or "released"; None for the run's profile."""
     trials: int = TEST_TRIALS
@@ -45,7 +50,10 @@ class LesionSettings:
     threads: int = 0
     """CPU threads of the retraining; 0 for as many as there are."""
     retraining_trials: int | None = None
-    """Number of trials of the epoch; None for the run's own number, or the paper's."""
+    """Number of trials of an epoch of retraining; None for the run's own number, or the paper's."""
+
+
+_USUAL = LesionSettings()
 
 
 class LesionStudy:
@@ -66,13 +74,13 @@ class LesionStudy:
 
     Raises:
         UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run does not have, or
-            trials by which nothing can be retrained.
+            a protocol that its networks cannot follow.
     """
 
     def __init__(
         self,
         folder: RunFolder,
-        settings: LesionSettings = LesionSettings(),
+        settings: LesionSettings = _USUAL,
         only: int | None = None,
         weights: str = FINAL,
     ) -> None:
@@ -81,7 +89,11 @@ class LesionStudy:
         self._lesions = _lesions_of(self.config, settings.profile)
         self._policies = load_policies(folder, weights, only)
         self._layout = Layout(build_network(self.config))
-        self._retraining = _make_retraining(self.config, self._layout, settings) if settings.retrain else None
+        self._networks = self._all_networks()
+        self._protocols = {protocol: self._retraining_by(protocol) for protocol in settings.protocols}
+        self._moments = None
+        if any(protocol.optimizer == "continued" for protocol in settings.protocols):
+            self._moments = trained_moments(folder, list(self._policies), weights)
         self._evaluator = Evaluator(self.config.task, self.config.trial, settings.trials, settings.seed)
         self._metrics = measured_metrics(self.config)
 
@@ -94,46 +106,56 @@ class LesionStudy:
         for done, name in enumerate(self.names):
             on_state(done, len(self.names), name)
             lesion = find_lesion(name, self._lesions)
-            for policy in self._policies.values():
-                policy.motor_network.set_lesion(lesion)
-            rows += self._test(self._policies, name, retrained=False)
-            if self._retraining is not None:
-                with self._retrained(self._retraining, lesion) as policies:
-                    rows += self._test(policies, name, retrained=True)
+            for protocol, retraining in self._protocols.items():
+                for network, states in self._networks.items():
+                    after = self._retrained(retraining, network, states, lesion) if retraining else states
+                    used = retraining.used_by(network) if retraining else protocol
+                    rows += self._test(after, lesion, (name, *treatment(protocol, network, used)))
         on_state(len(self.names), len(self.names), "")
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    @contextlib.contextmanager
-    def _retrained(self, retraining: Retraining, lesion: Lesion) -> Iterator[dict[int, MotorPolicy | None]]:
-        """A context in which the lesioned policies have adapted; None in place of one that went wrong."""
-        stored = {seed: _copy(policy) for seed, policy in self._policies.items()}
-        rows = retraining.run(self._layout.pack(list(stored.values())), list(stored), lesion)  # (networks, parameters)
-        adapted: dict[int, MotorPolicy | None] = {}
-        for (seed, policy), row in zip(self._policies.items(), rows, strict=True):
-            state = {name: tensor[0] for name, tensor in self._layout.unpack(row[None]).items()}
-            policy.motor_network.load_state_dict(state)
-            adapted[seed] = policy if row.isfinite().all() else None
-        try:
-            yield adapted
-        finally:
-            for seed, policy in self._policies.items():
-                policy.motor_network.load_state_dict(stored[seed])
+    def _all_networks(self) -> dict[str, dict[int, Tensors]]:
+        """The networks' parameters by seed: the trained ones, and their control if there is to be one."""
+        networks = {TRAINED: {seed: _copy(policy) for seed, policy in self._policies.items()}}
+        if self.settings.control:
+            networks[FRESH] = {seed: fresh_network(self.config, seed) for seed in self._policies}
+        return networks
+
+    def _retraining_by(self, protocol: Protocol) -> Retraining | None:
+        if protocol.retrain == "none":
+            return None
+        return Retraining(self.config, protocol, self.settings.retraining_trials, self.settings.threads)
+
+    def _retrained(
+        self, retraining: Retraining, network: str, states: Mapping[int, Tensors], lesion: Lesion
+    ) -> dict[int, Tensors | None]:
+        """The networks after they have adapted; None in place of one that went wrong."""
+        moments = self._moments if retraining.used_by(network).optimizer == "continued" else None
+        rows = retraining.run(self._layout.pack(list(states.values())), list(states), [lesion] * len(states), moments)
+        return {
+            seed: {name: tensor[0] for name, tensor in self._layout.unpack(row[None]).items()}
+            if row.isfinite().all()
+            else None
+            for seed, row in zip(states, rows, strict=True)
+        }
 
     def _test(
-        self, policies: Mapping[int, MotorPolicy | None], lesion: str, retrained: bool
+        self, states: Mapping[int, Tensors | None], lesion: Lesion, after: tuple[object, ...]
     ) -> list[tuple[object, ...]]:
-        """Rows of the table, one a network and metric."""
+        """Rows of the table, one a network and metric; ``after`` stands in the columns from lesion to trials."""
         config = self.config
         return [
-            (config.model, config.task, config.algo, seed, lesion, retrained, metric, value)
-            for seed, policy in policies.items()
-            for metric, value in self._measure(policy).items()
+            (config.model, config.task, config.algo, seed, *after, metric, value)
+            for seed, state in states.items()
+            for metric, value in self._measure(self._policies[seed], state, lesion).items()
         ]
 
-    def _measure(self, policy: MotorPolicy | None) -> dict[str, float]:
-        if policy is None:
+    def _measure(self, policy: MotorPolicy, state: Tensors | None, lesion: Lesion) -> dict[str, float]:
+        if state is None:
             return {metric.name: float("nan") for metric in self._metrics}
-        return measure(self._evaluator.run(policy), self._metrics)
+        policy.motor_network.load_state_dict(state)
+        with policy.motor_network.lesioned(lesion):
+            return measure(self._evaluator.run(policy), self._metrics)
 
 
 def measured_metrics(config: TrainConfig) -> list[Metric]:
@@ -168,23 +190,6 @@ def _lesions_of(config: TrainConfig, profile: str | None) -> dict[str, Lesion]:
     if profile not in LESIONS_OF:
         raise UserError(f"Unknown profile {profile!r}; choose from {', '.join(LESIONS_OF)}.")
     return LESIONS_OF[profile]
-
-
-def _make_retraining(config: TrainConfig, layout: Layout, settings: LesionSettings) -> Retraining:
-    """The epoch after a lesion, by the loss and settings of the run, or by the paper's where it learned by rewards.
-
-    Raises:
-        UserError: trials by which nothing can be retrained.
-    """
-    if config.trial.noisy or config.trial.feedback_delay:
-        raise UserError("Retraining knows neither noise nor feedback delay, which this run has; use --no-retrain.")
-    supervised, epoch = config.supervised, config.supervised.bptt
-    if settings.retraining_trials is not None:
-        epoch = dataclasses.replace(epoch, trials=settings.retraining_trials)
-    if epoch.trials < epoch.batch_size:
-        raise UserError(f"An epoch of {epoch.trials} trials is less than one batch of {epoch.batch_size}.")
-    penalty, coefficient = supervised.penalty, supervised.penalty_coefficient
-    return Retraining(layout, config.task, config.trial, epoch, penalty, coefficient, settings.threads)
 
 
 def _copy(policy: MotorPolicy) -> Tensors:

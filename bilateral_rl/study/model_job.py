@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bilateral_rl.config.parse import Values, plain
+from bilateral_rl.config.parse import Values, build, plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
@@ -46,7 +46,7 @@ def train_and_measure(
     """
     resolved = resolve(None, None, [config])
     run = _trained_run(folder / runs, resolved, progress)
-    settings = LesionSettings(threads=resolved.threads, **lesions)
+    settings = build(LesionSettings, {"threads": resolved.threads, **lesions})
     study = LesionStudy(run, settings)
 
     def on_state(done: int, total: int, name: str) -> None:

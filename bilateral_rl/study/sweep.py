@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from bilateral_rl.analysis.results import TREATMENT
 from bilateral_rl.config.parse import Values, merge, parse_overrides
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
@@ -79,7 +80,9 @@ class Sweep:
 
     def _job(self, point: Mapping[str, str], config: TrainConfig, threads: int) -> Job:
         name, result = point_name(point), result_file(point)
-        lesions: dict[str, Any] = {"lesions": ["intact"], "retrain": False, "trials": self.trials}
+        lesions: dict[str, Any] = {
+            "lesions": ["intact"], "protocols": [{"retrain": "none"}], "control": False, "trials": self.trials
+        }  # fmt: skip
         arguments = {"config": config.to_values(), "lesions": lesions, "runs": f"runs/{name}", "result": result}
         cost = cost_of(config) * len(config.all_seeds)
         return Job(name, TRAIN_AND_MEASURE, result, arguments, cost, threads)
@@ -113,8 +116,8 @@ def result_file(point: Mapping[str, str]) -> str:
 def read_sweep(sweep: Sweep, folder: Path) -> pd.DataFrame:
     """Read the long table of the points that are done.
 
-    Beside its own columns it has ``point``, the point's name, and one for each setting of the grid that is not among
-    them already.
+    It has its own columns but for those on what followed a lesion, and ``point``, the point's name, and one for each
+    setting of the grid that is not among them already.
 
     Raises:
         UserError: a table is damaged, or of weights that its run no longer has.
@@ -123,7 +126,7 @@ def read_sweep(sweep: Sweep, folder: Path) -> pd.DataFrame:
     for point in sweep.points():
         path = folder / result_file(point)
         if path.is_file():
-            table = read_result(path)
+            table = read_result(path).drop(columns=list(TREATMENT))  # which settings may share a name with
             settings = {name: value for name, value in point.items() if name not in table}
             tables.append(table.assign(point=point_name(point), **settings))
     return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()

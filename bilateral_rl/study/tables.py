@@ -13,7 +13,7 @@ from bilateral_rl.analysis.formats import f_statistic, fixed, mean_sd, number, p
 from bilateral_rl.analysis.goals import STUDY_RADII
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.metrics import Metric, find_metric, metrics_of, preferred_metric
-from bilateral_rl.analysis.results import RETRAINING, State, by_seed
+from bilateral_rl.analysis.results import State, by_seed, protocol_words, protocols_in
 from bilateral_rl.analysis.specialization import specialization_by_seed
 from bilateral_rl.analysis.statistics import OmnibusTest, anova, welch_anova
 from bilateral_rl.config.catalogue import MODELS
@@ -117,40 +117,43 @@ def _pairs_table(results: pd.DataFrame, task: str, radius: float, models: list[s
 
 
 def _lesions_table(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
-    columns, rows = [""], []
-    p_values = {}
+    protocols = protocols_in(results)
+    columns, rows = [""], [[lesion_words(lesion)] for lesion in (INTACT, *LESIONS)]
     for model in models:
-        columns += [model_label(model), "retrained", "p"]
-        p_values[model] = _against_intact(results, metric, task, model)
-    for lesion in (INTACT, *LESIONS):
-        row = [lesion_words(lesion)]
-        for model in models:
-            states = [State(task, model, lesion, retrained) for retrained in RETRAINING]
-            row += [mean_sd(by_seed(results, metric.name, state)) for state in states]
-            row.append(p_value(p_values[model].get(lesion, math.nan)))
-        rows.append(row)
+        for protocol in protocols:
+            retrained = protocol != "none"
+            columns += [protocol_words(protocol), "p"] if retrained else [model_label(model)]
+            p_values = _against_intact(results, metric, State(task, model, protocol=protocol)) if retrained else {}
+            for row, lesion in zip(rows, (INTACT, *LESIONS), strict=True):
+                row.append(mean_sd(by_seed(results, metric.name, State(task, model, lesion, protocol))))
+                row += [p_value(p_values.get(lesion, math.nan))] if retrained else []
     note = f"{_SPREAD_NOTE} p: against the intact network, both retrained, paired t test, Holm over all pairs."
     return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {with_unit(metric)}", columns, rows, note)
 
 
-def _against_intact(results: pd.DataFrame, metric: Metric, task: str, model: str) -> dict[str, float]:
-    rows = results[(results["model"] == model) & (results["task"] == task) & results["retrained"].astype(bool)]
+def _against_intact(results: pd.DataFrame, metric: Metric, intact: State) -> dict[str, float]:
+    rows = results[
+        (results["model"] == intact.model)
+        & (results["task"] == intact.task)
+        & (results["protocol"] == intact.protocol)
+        & (results["network"] == intact.network)
+    ]
     if INTACT not in set(rows["lesion"]) or rows["lesion"].nunique() < 2:
         return {}
-    pairs = compare_lesions(results, metric.name, State(task, model, retrained=True)).pairs
+    pairs = compare_lesions(results, metric.name, intact).pairs
     pairs = pairs[pairs["first"] == INTACT]
     return dict(zip(pairs["second"], pairs["p_holm"], strict=True))
 
 
 def _specialization_table(results: pd.DataFrame, task: str, metric: Metric, models: list[str]) -> ReportTable:
-    rows = []
+    rows, protocols = [], protocols_in(results)
     for model in models:
         row = [model_label(model)]
-        for retrained in RETRAINING:
-            state = State(task, model, retrained=retrained)
+        for protocol in protocols:
+            state = State(task, model, protocol=protocol)
             interval = mean_interval(specialization_by_seed(results, metric.name, state))
             row.append(f"{fixed(interval.value, 3, '+')} ({number(interval.low)} to {number(interval.high)})")
         rows.append(row)
     title = f"{task_label(task)}: specialization index, {with_unit(metric)}"
-    columns = ["", *RETRAINING.values()]
+    columns = ["", *map(protocol_words, protocols)]
     return ReportTable(f"specialization_{task}", title, columns, rows, _INDEX_NOTE)

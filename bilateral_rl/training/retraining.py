@@ -1,72 +1,92 @@
-"""The epoch after a lesion: the output layer adapts to it, everything else is frozen (paper section 6)."""
+"""What follows a lesion: some of a network's weights adapt to it, everything else is frozen (paper section 6)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
+import numpy as np
+import torch
 from torch import Tensor
 
-from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.analysis.results import FRESH
+from bilateral_rl.bptt.layout import Layout, Variable
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
+from bilateral_rl.bptt.reach import reached_weights
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.rollout_arrays import TrialTensors
-from bilateral_rl.bptt.trials import retraining_trials, stacked
+from bilateral_rl.bptt.trials import retraining_order, retraining_trials, stacked, training_trials
 from bilateral_rl.bptt.workers import Workers
-from bilateral_rl.config.hyperparameters import BPTTHyperparameters
-from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.envs.tasks import make_task
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies.lesions import Lesion
-from bilateral_rl.vocabulary import Penalty
-
-TRAINED = ("output.weight", "output.bias")
-"""The variables of the output layer."""
+from bilateral_rl.runs.policies import build_network
+from bilateral_rl.training.moments import Moments
 
 
 class Retraining:
-    """Trains output layers on the combined loss for one epoch, with a fresh optimizer.
+    """Trains lesioned networks on the combined loss, as a protocol says.
 
-    Every network is trained as if it were alone, on trials of its seed's own that it has not been trained on.
+    Every network is trained as if it were alone. A weight that the data loss cannot reach under the lesion stays as it
+    is, bit for bit, unless the protocol has the penalty move it.
 
     Args:
-        layout: layout of the networks' parameters.
-        task: the task that they do.
-        trial: how its trials run.
-        settings: learning rate, batch and number of trials.
-        penalty: kind of the weight penalty in the combined loss.
-        coefficient: the penalty's coefficient λ.
+        config: of the run that the networks are of.
+        protocol: what adapts, and how.
+        trials: number of trials of an epoch; None for the run's own number, or the paper's.
         threads: number of CPU threads; 0 for as many as there are CPUs.
+
+    Attributes:
+        used: the protocol with the numbers that are really used.
+
+    Raises:
+        UserError: a run that cannot be retrained so.
     """
 
-    def __init__(
-        self,
-        layout: Layout,
-        task: str,
-        trial: TrialSettings,
-        settings: BPTTHyperparameters,
-        penalty: Penalty,
-        coefficient: float,
-        threads: int = 0,
-    ) -> None:
-        self._layout, self._task, self._trial, self._settings = layout, task, trial, settings
-        self._losses = StreamLosses("combined", penalty, coefficient, layout, trial.arm)
-        self._threads = threads
+    def __init__(self, config: TrainConfig, protocol: Protocol, trials: int | None = None, threads: int = 0) -> None:
+        _check(config, protocol)
+        self._config, self._settings = config, config.supervised.bptt
+        self._n_trials, self._threads = trials or self._settings.trials, threads
+        if self._n_trials < self._settings.batch_size:
+            batch = self._settings.batch_size
+            raise UserError(f"An epoch of {self._n_trials} trials is less than one batch of {batch}.")
+        self.used = protocol.resolved(config.supervised)
+        self._network = build_network(config)
+        self._layout = Layout(self._network)
+        assert self.used.penalty is not None
+        assert self.used.penalty_coefficient is not None
+        self._losses = StreamLosses(
+            "combined", self.used.penalty, self.used.penalty_coefficient, self._layout, config.trial.arm
+        )
+
+    def used_by(self, network: str) -> Protocol:
+        """Return what is really done with trained or with fresh networks, which have no optimizer to continue."""
+        return replace(self.used, optimizer="fresh") if network == FRESH else self.used
 
     @property
     def updates(self) -> int:
-        """Number of updates in the epoch."""
-        return self._settings.trials // self._settings.batch_size
+        """Number of updates in all epochs."""
+        return self.used.epochs * (self._n_trials // self._settings.batch_size)
 
     def run(
-        self, weights: Tensor, seeds: Sequence[int], lesion: Lesion, on_update: Callable[[int], None] = lambda _: None
+        self,
+        weights: Tensor,
+        seeds: Sequence[int],
+        lesions: Sequence[Lesion],
+        moments: Moments | None = None,
+        on_update: Callable[[int], None] = lambda _: None,
     ) -> Tensor:
-        """Return what networks become under ``lesion``.
+        """Return what networks become under their lesions.
 
         Args:
             weights: (S, width), the networks' parameters.
             seeds: the networks' seeds, whose trials they are trained on.
-            lesion: the lesion of all of them.
+            lesions: the networks' lesions.
+            moments: what the optimizer goes on from; None for a fresh one.
             on_update: called after each update, with how many there were.
 
         Returns:
@@ -76,42 +96,85 @@ class Retraining:
         workers = Workers(self._threads)
         try:
             with one_torch_thread():
-                return self._train(workers, weights, seeds, lesion, on_update)
+                rollout = self._rollout(workers, weights, lesions)
+                optimizer = self._optimizer(rollout, lesions, moments)
+                self._train(rollout, optimizer, seeds, on_update)
+                return rollout.weights.clone()
         finally:
             workers.close()
 
-    def _train(
-        self,
-        workers: Workers,
-        weights: Tensor,
-        seeds: Sequence[int],
-        lesion: Lesion,
-        on_update: Callable[[int], None],
-    ) -> Tensor:
-        settings, losses = self._settings, self._losses
-        size = losses.rollout_size(len(seeds), settings.batch_size, self._trial.trial_length)
-        rollout = Rollout(self._layout, self._trial.arm, size, workers=workers)
+    def _rollout(self, workers: Workers, weights: Tensor, lesions: Sequence[Lesion]) -> Rollout:
+        trial, batch_size = self._config.trial, self._settings.batch_size
+        size = self._losses.rollout_size(len(weights), batch_size, trial.trial_length)
+        rollout = Rollout(self._layout, trial.arm, size, workers=workers)
         rollout.weights.copy_(weights)
-        rollout.set_lesions([lesion] * len(seeds))
+        rollout.set_lesions(lesions)
+        return rollout
+
+    def _optimizer(self, rollout: Rollout, lesions: Sequence[Lesion], moments: Moments | None) -> StackedAdam:
+        assert self.used.learning_rate is not None
         optimizer = StackedAdam(
             rollout,
-            losses,
+            self._losses,
             "combined",
-            settings.learning_rate,
-            settings.epsilon,
-            settings.clip_norm,
-            trained=TRAINED,
+            self.used.learning_rate,
+            self._settings.epsilon,
+            self._settings.clip_norm,
+            step=moments.steps if moments else 0,
+            trained=[variable.name for variable in self._layout.variables if self._adapts(variable)],
+            still=None if self.used.penalize_unreached else self._unreached(lesions),
         )
-        trials = self._trials(seeds)
+        if moments:
+            optimizer.first.copy_(moments.first)
+            optimizer.second.copy_(moments.second)
+        return optimizer
+
+    def _adapts(self, variable: Variable) -> bool:
+        layers = {"output": ("output",), "combination": ("output", "combination")}
+        return self.used.retrain == "everything" or variable.name.startswith(layers[self.used.retrain])
+
+    def _unreached(self, lesions: Sequence[Lesion]) -> Tensor:
+        """Return which numbers (S, width) the data loss cannot reach."""
+        return self._layout.pack([reached_weights(self._network, lesion) for lesion in lesions]) == 0
+
+    def _train(
+        self, rollout: Rollout, optimizer: StackedAdam, seeds: Sequence[int], on_update: Callable[[int], None]
+    ) -> None:
+        drawn, per_epoch = self._trials(seeds), self.updates // self.used.epochs
         for update in range(self.updates):
-            rollout.load(trials, first=update * settings.batch_size)
+            epoch, batch = divmod(update, per_epoch)
+            if batch == 0:
+                trials = self._shuffled(drawn, seeds, epoch)
+            rollout.load(trials, first=batch * self._settings.batch_size)
             rollout.forward()
             optimizer.gradient()
             optimizer.step()
             on_update(update + 1)
-        return rollout.weights.clone()
 
     def _trials(self, seeds: Sequence[int]) -> TrialTensors:
         """Return the trials (S, n, 2) that the networks are trained on."""
-        task, n = make_task(self._task), self._settings.trials
-        return stacked([retraining_trials(seed, n, task, self._trial) for seed in seeds])
+        task, n, trial = make_task(self._config.task), self._n_trials, self._config.trial
+        draw = training_trials if self.used.trials == "training" else retraining_trials
+        by_seed = {seed: draw(seed, n, task, trial) for seed in dict.fromkeys(seeds)}
+        return stacked([by_seed[seed] for seed in seeds])
+
+    def _shuffled(self, trials: TrialTensors, seeds: Sequence[int], epoch: int) -> TrialTensors:
+        """Return the trials in the order of an epoch."""
+        orders = np.stack([retraining_order(seed, epoch, self._n_trials) for seed in seeds])
+        order = torch.from_numpy(orders)[..., None].expand(-1, -1, 2)
+        return TrialTensors(*(part.gather(1, order) for part in trials))
+
+
+def _check(config: TrainConfig, protocol: Protocol) -> None:
+    """Raise a UserError for a protocol that networks of such a run cannot follow."""
+    if config.trial.noisy or config.trial.feedback_delay:
+        raise UserError("Retraining knows neither noise nor feedback delay, which this run has; use --no-retrain.")
+    for name, value, default in (
+        ("optimizer", protocol.optimizer, "fresh"),
+        ("trials", protocol.trials, "new"),
+    ):
+        if value != default and not isinstance(config, BPTTConfig):
+            raise UserError(
+                f"A run of {config.algo} was not trained by BPTT and has no {name} of such a training: use "
+                f"--retrain-{name} {default}."
+            )

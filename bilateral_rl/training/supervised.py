@@ -13,7 +13,6 @@ from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import SeedState, TrainingState
 from bilateral_rl.bptt.trainer import MEASURES, Trainer, history_columns
-from bilateral_rl.bptt.trials import initial_weights_seed
 from bilateral_rl.config.schema import BPTTConfig, EvaluationConfig
 from bilateral_rl.figures import hand_paths
 from bilateral_rl.io import event_files
@@ -21,6 +20,7 @@ from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.runs.folder import BEST, FINAL, FINISHED, INTERRUPTED, RunFolder
 from bilateral_rl.runs.policies import build_network, build_policy, stack_states
+from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.learner import Diverged, Learner, Moment, Watcher
 
 FIGURE_TRIALS = 12
@@ -43,7 +43,7 @@ class SupervisedLearner(Learner):
         self.evaluation_every = self.checkpoint_every = config.updates_per_epoch
         self._layout = Layout(build_network(config))
         self._columns = history_columns(config, self._layout)
-        networks = initial or {seed: _fresh_network(config, seed) for seed in self._seeds}
+        networks = initial or {seed: fresh_network(config, seed) for seed in self._seeds}
         self._state = TrainingState.start(self._layout.pack(list(networks.values())), len(self._columns))
         self._resources = contextlib.ExitStack()
 
@@ -164,12 +164,6 @@ class SupervisedLearner(Learner):
         """Return the ``state_dict()`` of each seed's network from rows of parameters, (S, width)."""
         stacked = self._layout.unpack(rows)
         return {seed: {name: t[i] for name, t in stacked.items()} for i, seed in enumerate(self._seeds)}
-
-
-def _fresh_network(config: BPTTConfig, seed: int) -> Tensors:
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(initial_weights_seed(seed))
-        return dict(build_network(config).state_dict())
 
 
 def _seed_state(state: SeedState, run_state: str) -> str:

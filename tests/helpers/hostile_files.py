@@ -121,12 +121,16 @@ TABLES = {
     "columns without end": b"a," * 10_000_000,
     "a longer row": _table("1," * 100_000),
     "a quote without end": _table('"' + "x" * 1_000_000),
-    "an unknown lesion": _table("cc_s,random_reach,ppo,0,\x1b[31m[red],False,effort,1"),
-    "an unknown model": _table("$\\input{/etc/passwd}$,random_reach,ppo,0,intact,False,effort,1"),
-    "a number too large": _table("cc_s,random_reach,ppo,0,intact,False,effort,1e300"),
-    "a seed too large": _table("cc_s,random_reach,ppo,1e300,intact,False,effort,1"),
-    "many seeds": _table(*(f"cc_s,random_reach,ppo,{i},intact,False,effort,1" for i in range(100_000))),
-    "a value twice": _table(*2 * ["cc_s,random_reach,ppo,0,intact,False,effort,1"]),
+    "an unknown lesion": _table("cc_s,random_reach,ppo,0,\x1b[31m[red],trained,none,none,0,,none,,none,none,effort,1"),
+    "an unknown model": _table(
+        "$\\input{/etc/passwd}$,random_reach,ppo,0,intact,trained,none,none,0,,none,,none,none,effort,1"
+    ),
+    "a number too large": _table("cc_s,random_reach,ppo,0,intact,trained,none,none,0,,none,,none,none,effort,1e300"),
+    "a seed too large": _table("cc_s,random_reach,ppo,1e300,intact,trained,none,none,0,,none,,none,none,effort,1"),
+    "many seeds": _table(
+        *(f"cc_s,random_reach,ppo,{i},intact,trained,none,none,0,,none,,none,none,effort,1" for i in range(100_000))
+    ),
+    "a value twice": _table(*2 * ["cc_s,random_reach,ppo,0,intact,trained,none,none,0,,none,,none,none,effort,1"]),
     "another seed": _CURVE + b"9,1,1.5,1.5,1.5",
     "a curve without end": _CURVE + b"".join(b"0,%d,1.5,1.5,1.5\n" % i for i in range(200_000)),
 }

@@ -315,10 +315,10 @@ def _claim(folder: Path) -> None:
 def _results() -> str:
     names = [metric.name for metric in metrics_of("random_reach", [0.05])]
     rows = [
-        f"cc_s,random_reach,bptt,{one},{lesion},{retrained},{name},{0.5 + one}"
+        f"cc_s,random_reach,bptt,{one},{lesion},{treatment},{name},{0.5 + one}"
         for one in range(2)
         for lesion in ("intact", "callosum")
-        for retrained in (False, True)
+        for treatment in ("trained,none,none,0,,none,,none,none", "fresh,output,output,1,0.001,weights,0.001,fresh,new")
         for name in names
     ]
     return "\n".join([",".join(COLUMNS), *rows, ""])

@@ -4,6 +4,7 @@ from statistics import NormalDist
 
 import numpy as np
 import pandas as pd
+from treatments import treated
 
 from bilateral_rl.analysis.results import COLUMNS
 
@@ -69,9 +70,11 @@ def make_results(changes=None, noise=0.004, seeds=10, without=()):
     rows = []
     for (model, name, lesion), mean in (_means() | (changes or {})).items():
         task, metric = METRICS[name]
-        states = {False: 1.0} if lesion == "intact" else {True: 1.0, False: 0.5}
-        for retrained, share in states.items():
+        states = {"none": 1.0} if lesion == "intact" else {"output": 1.0, "none": 0.5}
+        for protocol, share in states.items():
             values = share * mean * (1 + noise * standard_noise(seeds, rng))
-            rows += [(model, task, "bptt", seed, lesion, retrained, metric, v) for seed, v in enumerate(values)]
+            rows += [
+                (model, task, "bptt", seed, lesion, *treated(protocol), metric, v) for seed, v in enumerate(values)
+            ]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     return table[~table["model"].isin(without)].reset_index(drop=True)

@@ -4,13 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from treatments import treated
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.results import COLUMNS, State
 from bilateral_rl.io.errors import UserError
 
 METRIC, TASK = "time_in_goal_5cm", "hold_position"
-RETRAINED = State(TASK, "cc_s", retrained=True)
+RETRAINED = State(TASK, "cc_s", protocol="output")
 MODELS = {
     "uni_b": [20.1, 22.0, 19.5, 21.2, 20.4, 23.0],
     "bi_s": [25.0, 24.1, 26.3, 25.5, 23.9, 24.8],
@@ -23,8 +24,8 @@ LESIONS = {
 }
 
 
-def rows(values, model="cc_s", lesion="intact", retrained=False, algo="bptt", first_seed=0):
-    return [(model, TASK, algo, first_seed + i, lesion, retrained, METRIC, v) for i, v in enumerate(values)]
+def rows(values, model="cc_s", lesion="intact", protocol="none", algo="bptt", first_seed=0):
+    return [(model, TASK, algo, first_seed + i, lesion, *treated(protocol), METRIC, v) for i, v in enumerate(values)]
 
 
 def table(*parts):
@@ -38,7 +39,7 @@ def models():
 
 @pytest.fixture
 def lesions():
-    return table(*(rows(values, lesion=lesion, retrained=True) for lesion, values in LESIONS.items()))
+    return table(*(rows(values, lesion=lesion, protocol="output") for lesion, values in LESIONS.items()))
 
 
 def test_groups_are_the_models_with_mean_spread_and_interval(models):

@@ -1,5 +1,6 @@
 import numpy as np
 import pandas as pd
+from treatments import RETRAINED
 
 from bilateral_rl.analysis.results import COLUMNS, State
 from bilateral_rl.analysis.specialization import specialization_by_seed, specialization_index
@@ -25,7 +26,7 @@ def test_the_index_of_one_pair_is_a_number_and_a_missing_side_gives_nan():
 
 def test_the_index_is_of_the_seeds_whose_sides_were_both_tested_alone():
     sides = [("deep_non_dominant", 2, 30.0), ("deep_non_dominant", 1, 20.0), ("deep_dominant", 2, 10.0)]
-    rows = [("cc_s", "random_reach", "bptt", seed, side, True, "effort", value) for side, seed, value in sides]
+    rows = [("cc_s", "random_reach", "bptt", seed, side, *RETRAINED, "effort", value) for side, seed, value in sides]
     results = pd.DataFrame(rows, columns=list(COLUMNS))
-    assert dict(specialization_by_seed(results, "effort", State("random_reach", "cc_s", retrained=True))) == {2: 0.5}
+    assert dict(specialization_by_seed(results, "effort", State("random_reach", "cc_s", protocol="output"))) == {2: 0.5}
     assert specialization_by_seed(results, "effort", State("random_reach", "cc_s")).empty

@@ -208,7 +208,7 @@ def test_models_that_all_complete_everything_are_not_better_than_each_other():
 def test_lesions_without_retraining_stand_beside_and_decide_nothing():
     for number in ON_LESIONS:
         results = make_results()
-        bare = ~results["retrained"] & (results["lesion"] != "intact")
+        bare = (results["protocol"] == "none") & (results["lesion"] != "intact")
         rng = np.random.default_rng(0)
         results.loc[bare, "value"] = rng.permutation(results.loc[bare, "value"])
         claim = evaluate(number, results)
@@ -217,7 +217,7 @@ def test_lesions_without_retraining_stand_beside_and_decide_nothing():
         verdicts = [component.verdict for component in claim.without_retraining]
         assert "not supported" in verdicts or "undecided" in verdicts
         assert "without the retraining epoch" in claim.note
-        assert evaluate(number, results[results["retrained"] | ~bare]).verdict == "supported"
+        assert evaluate(number, results[~bare]).verdict == "supported"
 
 
 def test_states_of_a_network_are_paired_and_models_are_not():
@@ -237,7 +237,7 @@ def test_states_of_a_network_are_paired_and_models_are_not():
 def test_p_values_of_a_lesion_claim_are_one_family():
     claim = evaluate("C7", make_results(noise=0.5))
     results = make_results(noise=0.5)
-    results = results[(results["model"] == "cc_s") & results["retrained"]]
+    results = results[(results["model"] == "cc_s") & (results["protocol"] == "output")]
 
     def values(metric, lesion):
         return results[(results["metric"] == metric) & (results["lesion"] == lesion)]["value"]

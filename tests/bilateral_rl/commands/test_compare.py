@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from treatments import AS_TRAINED, RETRAINED, treated
 
 from bilateral_rl.analysis.comparison import compare, compare_lesions
 from bilateral_rl.analysis.formats import f_statistic
@@ -53,7 +54,7 @@ def test_groups_tests_and_pairs_are_those_of_the_seeds_values(call, make_run, tm
     runs = [make_run(model, seeds=n) for model, n in zip(models, (5, 6, 5), strict=True)]
     text, out, pairs = compared(call, tmp_path, *[run.path for run in runs], *TRIALS, *EFFORT)
     rows = [
-        (model, "random_reach", "bptt", seed, "intact", False, "effort", value)
+        (model, "random_reach", "bptt", seed, "intact", *AS_TRAINED, "effort", value)
         for model, run in zip(models, runs, strict=True)
         for seed, value in enumerate(values(run))
     ]
@@ -169,10 +170,10 @@ def lesioned(make_run):
     """A run of six seeds, and results of its lesions: 0.5 times the seed's number more when retrained."""
     run = make_run("bi_s", task="hold_position", seeds=6)
     rows = [
-        ("bi_s", "hold_position", "bptt", seed, lesion, retrained, metric, scale * (value + 0.5 * seed * retrained))
+        ("bi_s", "hold_position", "bptt", seed, lesion, *treated(protocol), metric, scale * (value + share * seed))
         for metric, scale in (("time_in_goal_5cm", 1.0), ("effort", 0.01))
         for lesion, of_seeds in STATES.items()
-        for retrained in (False, True)
+        for protocol, share in (("none", 0.0), ("output", 0.5))
         for seed, value in enumerate(of_seeds)
     ]
     place = run.path.with_name("bi_s-bptt-1-lesions")
@@ -185,13 +186,13 @@ def test_one_run_compares_its_lesions_paired_by_seed(call, lesioned, tmp_path):
     text, out, pairs = compared(call, tmp_path, lesioned.path)
     table = read_results(lesioned.path.with_name("bi_s-bptt-1-lesions") / "lesions.csv")
     expected = [
-        compare_lesions(table, "time_in_goal_5cm", State("hold_position", "bi_s", retrained=again)).pairs.assign(
-            metric="time_in_goal_5cm", retrained=again
+        compare_lesions(table, "time_in_goal_5cm", State("hold_position", "bi_s", protocol=again)).pairs.assign(
+            metric="time_in_goal_5cm", protocol=again
         )
-        for again in (False, True)
+        for again in ("none", "output")
     ]
     assert_same_pairs(pairs, pd.concat(expected))
-    for words in ("without retraining", "retrained"):
+    for words in ("without retraining", "output layer retrained"):
         assert f"hold_position, bi_s, {words}: Time within 5 cm (steps)" in text
     assert groups(out) == {"intact": ("31.4", "2.5", 6), "deep dominant": ("11.1", "1.0", 6),
                            "deep non-dominant": ("11.7", "1.1", 6)}  # fmt: skip
@@ -202,7 +203,7 @@ def test_one_run_compares_its_lesions_paired_by_seed(call, lesioned, tmp_path):
 def test_results_without_retraining_have_one_table(call, lesioned, tmp_path):
     path = lesioned.path.with_name("bi_s-bptt-1-lesions") / "lesions.csv"
     table = pd.read_csv(path)
-    table[~table["retrained"]].to_csv(path, index=False)
+    table[table["protocol"] == "none"].to_csv(path, index=False)
     text, _, pairs = compared(call, tmp_path, lesioned.path, *EFFORT)
     assert len(pairs) == 3
     assert "retrained:" not in text
@@ -225,7 +226,7 @@ def test_eight_states_fit_into_80_columns(call, trained, tmp_path):
     states = ["intact", "shallow_dominant", "callosum_deep_dominant", "callosum_deep_non_dominant"]
     rng = np.random.default_rng(0)
     rows = [
-        ("cc_s", "random_reach", "bptt", seed, state, True, "effort", 0.1 * number + 0.01 * rng.normal())
+        ("cc_s", "random_reach", "bptt", seed, state, *RETRAINED, "effort", 0.1 * number + 0.01 * rng.normal())
         for number, state in enumerate(states)
         for seed in range(3)
     ]

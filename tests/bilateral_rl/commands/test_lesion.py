@@ -1,6 +1,7 @@
 """`bilateral-rl lesion`: what is printed, written and refused, and that the run stays as it is."""
 
 import io
+import itertools
 import json
 import re
 import shutil
@@ -10,8 +11,9 @@ import pandas as pd
 import pytest
 from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from treatments import AS_TRAINED
 
-from bilateral_rl.analysis.results import COLUMNS, State, by_seed, read_results
+from bilateral_rl.analysis.results import COLUMNS, NETWORKS, State, by_seed, read_results
 from bilateral_rl.commands import lesion as command
 from bilateral_rl.policies.lesions import LESIONS
 from bilateral_rl.runs.folder import RunFolder
@@ -27,8 +29,8 @@ def files(folder):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def of_model(results, metric, lesion, retrained):
-    return by_seed(results, metric, State("random_reach", "cc_s", lesion, retrained))
+def of_model(results, metric, lesion, protocol, network="trained"):
+    return by_seed(results, metric, State("random_reach", "cc_s", lesion, protocol, network))
 
 
 def scalars(place):
@@ -88,10 +90,12 @@ def test_the_file_holds_the_rows_of_the_study(lesioned, results):
 
 def test_tensorboard_holds_the_means_over_the_seeds_by_epochs_of_retraining(lesioned, results):
     found = scalars(lesioned.place)
-    assert len(found) == 8 * results["metric"].nunique()
-    for name in ("intact", "callosum"):
-        means = [of_model(results, "effort", name, retrained).mean() for retrained in (False, True)]
-        assert found[f"lesions_effort/{name}"] == pytest.approx(dict(enumerate(means)), rel=1e-6)
+    assert len(found) == 8 * results["metric"].nunique() * 2 * 2
+    for name, protocol, network in itertools.product(("intact", "callosum"), ("output", "everything"), NETWORKS):
+        means = [of_model(results, "effort", name, of, network).mean() for of in ("none", protocol)]
+        control = "/fresh" if network == "fresh" else ""
+        tag = f"lesions_effort/{name}/{protocol}{control}"
+        assert found[tag] == pytest.approx(dict(enumerate(means)), rel=1e-6)
 
 
 # What it prints
@@ -102,18 +106,20 @@ def test_the_table_shows_mean_and_standard_deviation_of_every_state(lesioned, re
     assert len(printed) == 2 * 9
     labels = ["Goal completion within 5 cm (%)", "Final error (cm)"]
     for metric, label, (head, *states) in zip(METRICS, labels, (printed[:9], printed[9:]), strict=True):
-        assert head == [label, "", ""]
+        assert head == [label, "", "", ""]
         assert [state[0] for state in states] == [
             *("intact", "shallow dominant", "shallow non-dominant", "deep dominant", "deep non-dominant"),
             *("callosum", "callosum, deep dominant", "callosum, deep non-dominant"),
         ]
         for name, state in zip(("intact", *LESIONS), states, strict=True):
-            for cell, retrained in zip(state[1:], (False, True), strict=True):
-                values = of_model(results, metric, name, retrained)
+            for cell, protocol in zip(state[1:], ("none", "output", "everything"), strict=True):
+                values = of_model(results, metric, name, protocol)
                 assert [float(part) for part in cell.split(" ± ")] == pytest.approx(
                     [values.mean(), values.std(ddof=1)], abs=0.051
                 )
-    assert re.search(r"lesion +┃ +without retraining +┃ +retrained", lesioned.out)
+    heads = [line.split("┃")[1:-1] for line in lesioned.out.splitlines() if line.startswith("┃")]
+    words = [" ".join(part.strip() for part in column if part.strip()) for column in zip(*heads, strict=True)]
+    assert words == ["lesion", "without retraining", "output layer retrained", "everything retrained"]
     assert "mean ± standard deviation over 3 seeds" in lesioned.out
 
 
@@ -123,8 +129,8 @@ def test_the_sign_of_the_specialization_index(trained, call, undrawn, monkeypatc
     def made_up(self, on_state):
         values = {"intact": 90.0, "deep_non_dominant": 60.0, "deep_dominant": 20.0}
         return pd.DataFrame(
-            [("cc_s", "random_reach", "bptt", 0, *state, metric, value)
-             for lesion, value in values.items() for state in [(lesion, False)] for metric in METRICS],
+            [("cc_s", "random_reach", "bptt", 0, lesion, *AS_TRAINED, metric, value)
+             for lesion, value in values.items() for metric in METRICS],
             columns=list(COLUMNS),
         )  # fmt: skip
 
@@ -153,7 +159,7 @@ def test_flags_reach_the_study(call, trained, undrawn, tmp_path):
     more = ["--trials", 4, "--seed", 3, "--weights", "best", "--out", "elsewhere/x"]
     code, out, err = call("lesion", f"{RUN}:1", *flags, *more)
     assert (code, err) == (0, "")
-    settings = LesionSettings(("callosum_deep_dominant", "deep_dominant"), True, "released", 4, 3)
+    settings = LesionSettings(("callosum_deep_dominant", "deep_dominant"), profile="released", trials=4, seed=3)
     expected = LesionStudy(trained, settings, 1, "best").run()
     pd.testing.assert_frame_equal(read_results(tmp_path / "elsewhere/x/lesions.csv"), expected, check_exact=True)
     assert "(best), 4 trials of seed 3" in out
@@ -168,7 +174,7 @@ def test_without_retraining_nothing_is_said_of_it(call, trained, undrawn, tmp_pa
     assert {len(row) for row in rows_of_table(out)} == {2}
     assert "retrained" not in out
     results = read_results(tmp_path / PLACE / "lesions.csv")
-    assert not results["retrained"].any()
+    assert set(results["protocol"]) == {"none"}
     assert all(list(values) == [0] for values in scalars(tmp_path / PLACE).values())
 
 

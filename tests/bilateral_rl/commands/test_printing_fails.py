@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 from rich.console import Console
 from stable_baselines3 import PPO
+from treatments import AS_TRAINED
 
+from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.commands import app as cli
 from bilateral_rl.commands import jobs
 from bilateral_rl.envs import ArmVecEnv
@@ -96,9 +98,8 @@ def test_reproduce(cut_off, done_jobs, monkeypatch, tmp_path):
 def test_sweep(cut_off, toy_models, tmp_path):
     path = Path(tmp_path, "study", "results", "epochs=1.csv")
     path.parent.mkdir(parents=True)
-    row = ["cc_s", "random_reach", "bptt", 0, "intact", False, "final_error", 5.0]
-    columns = ["model", "task", "algo", "seed", "lesion", "retrained", "metric", "value"]
-    pd.DataFrame([row], columns=columns).to_csv(path, index=False)
+    row = ["cc_s", "random_reach", "bptt", 0, "intact", *AS_TRAINED, "final_error", 5.0]
+    pd.DataFrame([row], columns=list(COLUMNS)).to_csv(path, index=False)
     (tmp_path / "study" / "study.yaml").write_text("{sweep: {epochs: ['1']}, algo: bptt, overrides: {}, trials: 1024}")
     cut_off("sweep", "--grid", "epochs=1", "--out", "study", prints=1)  # the one that is done was done before
     assert list(pd.read_csv(tmp_path / "study" / "sweep.csv")["value"]) == [5.0]

@@ -4,6 +4,7 @@ import re
 
 import pandas as pd
 import pytest
+from treatments import AS_TRAINED
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.commands import jobs as command
@@ -20,7 +21,7 @@ def prepare(tmp_path, toy_models):
 
     def write(name, task="random_reach", **metrics):
         rows = [
-            ("uni_dl", task, "bptt", seed, "intact", False, metric.replace("_at_", "_"), value)
+            ("uni_dl", task, "bptt", seed, "intact", *AS_TRAINED, metric.replace("_at_", "_"), value)
             for metric, values in metrics.items()
             for seed, value in enumerate(values)
         ]

@@ -2,6 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
+from treatments import treated
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import TrialRecord
@@ -23,12 +24,12 @@ def deviation():
 
 @pytest.fixture
 def make_results():
-    """Builder of a table of results from (model, lesion, retrained): values by seed."""
+    """Builder of a table of results from (model, lesion, protocol): values by seed."""
 
     def make(metric, values, task=REACH):
         rows = [
-            (model, task, "bptt", seed, lesion, retrained, metric.name, value)
-            for (model, lesion, retrained), by_seed in values.items()
+            (model, task, "bptt", seed, lesion, *treated(protocol), metric.name, value)
+            for (model, lesion, protocol), by_seed in values.items()
             for seed, value in enumerate(by_seed)
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -14,11 +14,11 @@ BILATERAL = ("bi_ns", "bi_s", "cc_ns", "cc_s")
 def values():
     """Two seeds of each state that the model can have; the number of the state, 0.5 more when retrained."""
     return {
-        (model, state, retrained): [i + 0.5 * retrained, i + 0.5 * retrained + 2]
+        (model, state, protocol): [i + shift, i + shift + 2]
         for model in BILATERAL
         for i, state in enumerate(STATES)
         if model.startswith("cc") or "callosum" not in state
-        for retrained in (False, True)
+        for protocol, shift in (("none", 0.0), ("output", 0.5))
     }
 
 
@@ -61,17 +61,17 @@ def test_a_line_goes_through_the_intact_mean(make_results, completion, values, a
 
 
 def test_without_any_retraining_there_is_one_column_in_the_middle(make_results, completion, values, artists):
-    plain = {key: value for key, value in values.items() if not key[2]}
+    plain = {key: value for key, value in values.items() if key[2] == "none"}
     figure = lesion_effects(make_results(completion, plain), "random_reach", completion, ["cc_s"])
     assert [mean.get_xdata()[0] for mean in artists(figure.axes[0], "mean")] == list(range(8))
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["without retraining"]
 
 
-def deep_lesions(dominant_alone, non_dominant_alone, retrained=False):
+def deep_lesions(dominant_alone, non_dominant_alone, protocol="none"):
     return {
-        ("bi_s", "deep_non_dominant", retrained): dominant_alone,
-        ("bi_s", "deep_dominant", retrained): non_dominant_alone,
+        ("bi_s", "deep_non_dominant", protocol): dominant_alone,
+        ("bi_s", "deep_dominant", protocol): non_dominant_alone,
     }
 
 
@@ -96,10 +96,10 @@ def test_the_index_pairs_values_by_seed_and_leaves_out_seeds_without_both(make_r
 
 
 def test_the_index_after_retraining_is_of_the_retrained_values(make_results, completion, artists):
-    values = deep_lesions([10], [10]) | deep_lesions([30], [10], retrained=True)
-    figure = specialization(make_results(completion, values), {"random_reach": completion}, ["bi_s"], retrained=True)
+    values = deep_lesions([10], [10]) | deep_lesions([30], [10], protocol="output")
+    figure = specialization(make_results(completion, values), {"random_reach": completion}, ["bi_s"], protocol="output")
     assert artists(figure.axes[0], "mean")[0].get_ydata() == [0.5]
-    assert figure.legends[0].get_title().get_text().endswith("after one epoch of retraining")
+    assert figure.legends[0].get_title().get_text().endswith("output layer retrained")
 
 
 def test_models_without_hemispheres_show_dashes_in_the_specialization(make_results, completion, assert_texts_are_apart):

@@ -11,7 +11,7 @@ T_975 = 4.302652729696142
 
 @pytest.fixture
 def values():
-    return {(model, "intact", False): 90 + np.arange(3.0) + i for i, model in enumerate(MODELS)}
+    return {(model, "intact", "none"): 90 + np.arange(3.0) + i for i, model in enumerate(MODELS)}
 
 
 def test_seeds_means_and_intervals_are_those_of_the_table(make_results, completion, values, artists):
@@ -45,16 +45,16 @@ def test_a_panel_a_metric_with_its_unit(make_results, completion, deviation, val
 def test_lesioned_retrained_and_other_tasks_rows_are_not_drawn(make_results, completion, artists):
     results = make_results(
         completion,
-        {("cc_s", "intact", False): [1.0], ("cc_s", "intact", True): [2.0], ("cc_s", "callosum", False): [3.0]},
+        {("cc_s", "intact", "none"): [1.0], ("cc_s", "intact", "output"): [2.0], ("cc_s", "callosum", "none"): [3.0]},
     )
-    other = make_results(completion, {("uni_b", "intact", False): [4.0]}, task="hold_position")
+    other = make_results(completion, {("uni_b", "intact", "none"): [4.0]}, task="hold_position")
     figure = model_comparison(pd.concat([results, other]), "random_reach", [completion])
     (mean,) = artists(figure.axes[0], "mean")
     assert mean.get_ydata() == [1.0]
 
 
 def test_seeds_that_are_no_numbers_are_left_out(make_results, completion, artists):
-    values = {("uni_b", "intact", False): [1.0, np.nan, 3.0], ("uni_dl", "intact", False): [np.nan] * 3}
+    values = {("uni_b", "intact", "none"): [1.0, np.nan, 3.0], ("uni_dl", "intact", "none"): [np.nan] * 3}
     figure = model_comparison(make_results(completion, values), "random_reach", [completion])
     (axes,) = figure.axes
     (mean,) = artists(axes, "mean")
@@ -65,7 +65,7 @@ def test_seeds_that_are_no_numbers_are_left_out(make_results, completion, artist
 
 
 def test_one_seed_has_no_interval(make_results, completion, artists):
-    results = make_results(completion, {("uni_b", "intact", False): [5.0]})
+    results = make_results(completion, {("uni_b", "intact", "none"): [5.0]})
     figure = model_comparison(results, "random_reach", [completion])
     assert not artists(figure.axes[0], "interval")
     assert artists(figure.axes[0], "mean")[0].get_ydata() == [5.0]

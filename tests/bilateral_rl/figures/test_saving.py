@@ -25,7 +25,7 @@ def draw(make_results, completion):
 
     def figures():
         rng = np.random.default_rng(0)
-        results = make_results(completion, {("bi_s", "intact", False): rng.random(3)})
+        results = make_results(completion, {("bi_s", "intact", "none"): rng.random(3)})
         epochs = pd.DataFrame({"model": "bi_s", "seed": 0, "epoch": range(5), "loss": rng.random(5)})
         return [
             model_comparison(results, "random_reach", [completion]),

@@ -18,7 +18,7 @@ OF_MODELS = {
     "posthoc_hold_position_time_in_goal_5cm_games_howell",
     "posthoc_hold_position_time_in_goal_5cm_tukey",
 }
-OF_LESIONS = {"lesions_random_reach", "lesions_hold_position", "specialization_retrained", "specialization_untrained"}
+OF_LESIONS = {"lesions_random_reach", "lesions_hold_position", "specialization_output", "specialization_none"}
 
 
 def draw(results, runs=None):

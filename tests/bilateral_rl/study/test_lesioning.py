@@ -1,6 +1,7 @@
 """Lesion studies: every state that a network can have, each seed as if it were alone, and the run only read."""
 
 import copy
+import itertools
 
 import numpy as np
 import pandas as pd
@@ -9,11 +10,11 @@ import torch
 
 from bilateral_rl.analysis.goals import STUDY_RADII
 from bilateral_rl.analysis.metrics import measure, metrics_of
+from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.config.catalogue import MODELS
-from bilateral_rl.config.hyperparameters import BPTTHyperparameters
 from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
@@ -22,11 +23,16 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies, load_policy, network_states
 from bilateral_rl.study import lesioning
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy, state_names
-from bilateral_rl.training.retraining import TRAINED, Retraining
+from bilateral_rl.training.fresh_networks import fresh_network
+from bilateral_rl.training.retraining import Retraining
 
 SETTINGS = {"trials": 8, "seed": 7, "threads": 1}
 COMBINED = ["callosum_deep_dominant", "callosum_deep_non_dominant"]
-STATE = ["seed", "lesion", "retrained"]
+STATE = ["seed", "lesion", "network", "protocol"]
+NONE = {"network": "trained", "protocol": "none"}
+OUTPUT = {"network": "trained", "protocol": "output"}
+OUTPUT_LAYER = Protocol("output")
+NO_RETRAINING = {"protocols": (Protocol("none"),)}
 
 
 def study_of(folder, only=None, weights="final", **settings):
@@ -58,12 +64,11 @@ def evaluated(folder, policy, lesion, **settings):
     return pd.Series(measure(record, metrics_of(config.task, STUDY_RADII)))
 
 
-def retrained_by_hand(folder, seed, lesion, own, penalty="weights", coefficient=0.001):
-    """The policy of one seed after its epoch, made without the others."""
+def retrained_by_hand(folder, seed, lesion, trials=None, protocol=OUTPUT_LAYER, state=None):
+    """The policy of one seed after a protocol, made without the others."""
     config, policy = folder.config(), load_policy(folder, seed=seed)
-    layout = Layout(build_network(config))
-    retraining = Retraining(layout, config.task, config.trial, own, penalty, coefficient, threads=1)
-    row = retraining.run(layout.pack([network_states(folder)[seed]]), [seed], lesion)
+    layout, state = Layout(build_network(config)), state or network_states(folder)[seed]
+    row = Retraining(config, protocol, trials, threads=1).run(layout.pack([state]), [seed], [lesion])
     policy.motor_network.load_state_dict({name: tensor[0] for name, tensor in layout.unpack(row).items()})
     return policy
 
@@ -119,18 +124,19 @@ def test_a_lesion_that_cannot_be_is_refused_with_those_that_can(small_bptt):
 def test_there_is_a_row_for_each_seed_state_condition_and_metric(trained, results):
     metrics = [metric.name for metric in metrics_of("random_reach", STUDY_RADII)]
     assert tuple(results.columns) == COLUMNS
-    assert len(results) == 3 * 8 * 2 * len(metrics)
+    assert len(results) == 3 * 8 * 3 * 2 * len(metrics)
     assert not results.duplicated([*STATE, "metric"]).any()
     assert set(map(tuple, results[["model", "task", "algo"]].to_numpy())) == {("cc_s", "random_reach", "bptt")}
     assert sorted(set(results["seed"])) == [0, 1, 2]
     assert list(dict.fromkeys(results["lesion"])) == ["intact", *LESIONS]
     assert list(dict.fromkeys(results["metric"])) == metrics
-    assert results["retrained"].dtype == bool
+    assert list(dict.fromkeys(results["protocol"])) == ["none", "output", "everything"]
+    assert list(dict.fromkeys(results["network"])) == ["trained", "fresh"]
 
 
 def test_metrics_are_those_of_the_task_at_the_reported_radii_and_the_runs_own(bptt_run):
     with_config(bptt_run, task="hold_position", trial={"threshold": 0.045})
-    found = set(run_study(bptt_run, only=0, retrain=False, lesions=("callosum",), trials=2)["metric"])
+    found = set(run_study(bptt_run, only=0, **NO_RETRAINING, lesions=("callosum",), trials=2)["metric"])
     assert found == {metric.name for metric in metrics_of("hold_position", (*STUDY_RADII, 0.045))}
     assert {"time_in_goal_1cm", "time_in_goal_4.5cm", "effort"} < found
     assert "goal_completion_5cm" not in found
@@ -139,17 +145,15 @@ def test_metrics_are_those_of_the_task_at_the_reported_radii_and_the_runs_own(bp
 def test_values_are_those_of_the_lesioned_policy(trained, results):
     for seed, policy in load_policies(trained).items():
         for lesion in ("intact", *LESIONS):
-            found = values_of(results, seed=seed, lesion=lesion, retrained=False)
+            found = values_of(results, seed=seed, lesion=lesion, **NONE)
             assert_same(found, evaluated(trained, policy, lesion))
 
 
 def test_a_seed_is_retrained_as_if_it_were_alone(trained, results):
     for lesion in ("intact", "shallow_dominant", "callosum_deep_non_dominant"):
         for seed in (0, 2):
-            policy = retrained_by_hand(trained, seed, find_lesion(lesion), trained.config().bptt)
-            assert_same(
-                values_of(results, seed=seed, lesion=lesion, retrained=True), evaluated(trained, policy, lesion)
-            )
+            policy = retrained_by_hand(trained, seed, find_lesion(lesion))
+            assert_same(values_of(results, seed=seed, lesion=lesion, **OUTPUT), evaluated(trained, policy, lesion))
 
 
 def test_the_same_study_brings_the_same_numbers_whatever_the_threads(trained, results):
@@ -168,28 +172,31 @@ def test_one_seed_and_some_lesions_bring_the_rows_that_all_bring(trained, result
 
 
 def test_the_trials_are_those_of_the_seed_asked_for(trained, results):
-    other = run_study(trained, only=0, lesions=("callosum",), retrain=False, seed=8, trials=3)
-    found = values_of(other, lesion="callosum")
+    other = run_study(trained, only=0, lesions=("callosum",), **NO_RETRAINING, seed=8, trials=3)
+    found = values_of(other, lesion="callosum", **NONE)
     assert_same(found, evaluated(trained, load_policy(trained, seed=0), "callosum", seed=8, trials=3))
-    assert found["effort"] != values_of(results, seed=0, lesion="callosum", retrained=False)["effort"]
+    assert found["effort"] != values_of(results, seed=0, lesion="callosum", **NONE)["effort"]
 
 
 def test_the_best_weights_are_tested_if_asked(trained, results):
-    best = run_study(trained, weights="best", lesions=("callosum",), retrain=False)
+    best = run_study(trained, weights="best", lesions=("callosum",), **NO_RETRAINING)
     for seed, policy in load_policies(trained, "best").items():
-        assert_same(values_of(best, seed=seed, lesion="callosum"), evaluated(trained, policy, "callosum"))
-    efforts = [table[table["metric"] == "effort"]["value"] for table in (best, results[~results["retrained"]])]
+        assert_same(values_of(best, seed=seed, lesion="callosum", **NONE), evaluated(trained, policy, "callosum"))
+    tables = (best, results[results["protocol"] == "none"])
+    efforts = [t["value"][(t["metric"] == "effort") & (t["network"] == "trained")] for t in tables]
     assert not set(efforts[0]) & set(efforts[1])
 
 
 def test_without_retraining_there_is_one_condition(trained, results):
-    without = run_study(trained, retrain=False)
-    pd.testing.assert_frame_equal(without, results[~results["retrained"]].reset_index(drop=True), check_exact=True)
+    without = run_study(trained, **NO_RETRAINING)
+    pd.testing.assert_frame_equal(
+        without, results[results["protocol"] == "none"].reset_index(drop=True), check_exact=True
+    )
 
 
 def test_it_says_which_state_comes_next(trained):
     heard = []
-    study = study_of(trained, only=0, lesions=("callosum",), retrain=False, trials=1)
+    study = study_of(trained, only=0, lesions=("callosum",), **NO_RETRAINING, trials=1)
     study.run(lambda *arguments: heard.append(arguments))
     assert study.names == ["intact", "callosum"]
     assert heard == [(0, 2, "intact"), (1, 2, "callosum"), (2, 2, "")]
@@ -214,20 +221,51 @@ def tested(monkeypatch):
     return seen
 
 
+ADAPTING = {
+    "none": (),
+    "output": ("output.",),
+    "combination": ("output.", "combination_"),
+    "everything": ("output.", "combination_", "dominant.", "non_dominant."),
+}
+
+
 @pytest.mark.parametrize("profile", ["paper", "released"])
-def test_only_the_output_layer_of_a_tested_network_is_another_and_only_after_retraining(
-    trained, tested, same_bits, profile
-):
+def test_only_what_a_protocol_lets_adapt_is_another_and_no_test_leaves_a_trace(trained, tested, same_bits, profile):
     names = {"paper": list(LESIONS), "released": COMBINED}[profile]
-    run_study(trained, trials=1, profile=profile, lesions=tuple(names))
-    stored, table = network_states(trained), {"paper": LESIONS, "released": RELEASED_LESIONS}[profile]
-    states = [(name, retrained, seed) for name in ("intact", *names) for retrained in (False, True) for seed in stored]
-    assert len(tested) == len(states)
-    for (name, retrained, seed), (lesion, weights) in zip(states, tested, strict=True):
+    protocols = tuple(Protocol(retrain) for retrain in ADAPTING)
+    run_study(trained, trials=1, profile=profile, lesions=tuple(names), protocols=protocols, retraining_trials=16)
+    table, stored = {"paper": LESIONS, "released": RELEASED_LESIONS}[profile], network_states(trained)
+    networks = [stored, {seed: fresh_network(trained.config(), seed) for seed in stored}]
+    states = [
+        (name, retrain, before)
+        for name, retrain, states in itertools.product(("intact", *names), ADAPTING, networks)
+        for before in states.values()
+    ]
+    for (name, retrain, before), (lesion, weights) in zip(states, tested, strict=True):
         assert lesion == find_lesion(name, table)
-        assert weights.keys() == stored[seed].keys() > set(TRAINED)
-        changed = {key for key in weights if not same_bits(weights[key], stored[seed][key])}
-        assert changed == (set(TRAINED) if retrained else set()), (name, retrained, seed)
+        assert weights.keys() == before.keys()
+        changed = {key for key in weights if not same_bits(weights[key], before[key])}
+        assert all(key.startswith(ADAPTING[retrain]) for key in changed), (name, retrain)
+        assert {"output.weight", "output.bias"} <= changed or retrain == "none"
+
+
+def test_the_control_is_a_fresh_network_of_the_seed_that_goes_through_the_same(trained, results):
+    for seed, lesion in ((0, "intact"), (2, "callosum"), (1, "shallow_dominant")):
+        fresh = fresh_network(trained.config(), seed)
+        policy = load_policy(trained, seed=seed)
+        policy.motor_network.load_state_dict(fresh)
+        state = {"seed": seed, "lesion": lesion, "network": "fresh"}
+        assert_same(values_of(results, **state, protocol="none"), evaluated(trained, policy, lesion))
+        for protocol in (Protocol("output"), Protocol("everything")):
+            policy = retrained_by_hand(trained, seed, find_lesion(lesion), protocol=protocol, state=fresh)
+            found = values_of(results, **state, protocol=protocol.name)
+            assert_same(found, evaluated(trained, policy, lesion))
+
+
+def test_a_study_may_have_no_control(trained, results):
+    without = run_study(trained, control=False, lesions=("callosum",))
+    wanted = results[results["lesion"].isin(["intact", "callosum"]) & (results["network"] == "trained")]
+    pd.testing.assert_frame_equal(without, wanted.reset_index(drop=True), check_exact=True)
 
 
 def test_a_study_can_be_run_again(trained):
@@ -245,33 +283,32 @@ def test_the_released_profile_changes_the_combined_lesions_alone(trained, result
     pd.testing.assert_frame_equal(released[~combined], results[~combined], check_exact=True)
     for lesion in COMBINED:
         policy = load_policy(trained, seed=1)
-        found = values_of(released, seed=1, lesion=lesion, retrained=False)
+        found = values_of(released, seed=1, lesion=lesion, **NONE)
         assert_same(found, evaluated(trained, policy, RELEASED_LESIONS[lesion]))
-        policy = retrained_by_hand(trained, 1, RELEASED_LESIONS[lesion], trained.config().bptt)
-        found = values_of(released, seed=1, lesion=lesion, retrained=True)
+        policy = retrained_by_hand(trained, 1, RELEASED_LESIONS[lesion])
+        found = values_of(released, seed=1, lesion=lesion, **OUTPUT)
         assert_same(found, evaluated(trained, policy, RELEASED_LESIONS[lesion]))
         changed = (released["value"] != results["value"])[
             (results["metric"] == "effort") & (results["lesion"] == lesion)
         ]
-        assert changed.groupby(results["retrained"]).any().all()
+        assert changed.groupby(results["protocol"]).any().all()
 
 
 def test_the_profile_is_the_runs_unless_another_is_wanted(bptt_run, results):
     with_config(bptt_run, profile="released", bptt={"penalty": "weights", "penalty_coefficient": 0.001})
     own = run_study(bptt_run, only=0, lesions=(COMBINED[0],))
     by_paper = run_study(bptt_run, only=0, lesions=(COMBINED[0],), profile="paper")
-    state = {"seed": 0, "lesion": COMBINED[0], "retrained": True}
+    state = {"seed": 0, "lesion": COMBINED[0], **OUTPUT}
     assert_same(values_of(by_paper, **state), values_of(results, **state))
-    policy = retrained_by_hand(bptt_run, 0, RELEASED_LESIONS[COMBINED[0]], bptt_run.config().bptt)
+    policy = retrained_by_hand(bptt_run, 0, RELEASED_LESIONS[COMBINED[0]])
     assert_same(values_of(own, **state), evaluated(bptt_run, policy, RELEASED_LESIONS[COMBINED[0]]))
 
 
 def test_the_epoch_uses_the_loss_and_the_settings_of_the_run(bptt_run, results):
     with_config(bptt_run, bptt={"penalty": "activity", "penalty_coefficient": 0.5, "learning_rate": 0.01})
     found = run_study(bptt_run, only=0, lesions=("callosum",))
-    own = bptt_run.config().bptt
-    policy = retrained_by_hand(bptt_run, 0, LESIONS["callosum"], own, "activity", 0.5)
-    state = {"seed": 0, "lesion": "callosum", "retrained": True}
+    policy = retrained_by_hand(bptt_run, 0, LESIONS["callosum"])
+    state = {"seed": 0, "lesion": "callosum", **OUTPUT}
     assert_same(values_of(found, **state), evaluated(bptt_run, policy, "callosum"))
     assert values_of(found, **state)["effort"] != values_of(results, **state)["effort"]
 
@@ -289,9 +326,9 @@ def test_a_reinforced_run_is_retrained_by_the_papers_loss(run, profile):
     results = run_study(run, lesions=("callosum",), profile=profile, retraining_trials=128)
     assert set(results["algo"]) == {"ppo"}
     assert set(results["seed"]) == {0}
-    assert_same(values_of(results, lesion="callosum", retrained=False), evaluated(run, load_policy(run), "callosum"))
-    policy = retrained_by_hand(run, 0, LESIONS["callosum"], BPTTHyperparameters(trials=128))
-    assert_same(values_of(results, lesion="callosum", retrained=True), evaluated(run, policy, "callosum"))
+    assert_same(values_of(results, lesion="callosum", **NONE), evaluated(run, load_policy(run), "callosum"))
+    policy = retrained_by_hand(run, 0, LESIONS["callosum"], 128)
+    assert_same(values_of(results, lesion="callosum", **OUTPUT), evaluated(run, policy, "callosum"))
 
 
 def test_noise_and_delay_cannot_be_retrained_but_tested(run):
@@ -299,7 +336,7 @@ def test_noise_and_delay_cannot_be_retrained_but_tested(run):
         with_config(run, trial={"sensory_noise": 0.0, "motor_noise": 0.0, "feedback_delay": 0} | setting)
         with pytest.raises(UserError, match="--no-retrain"):
             study_of(run)
-        results = run_study(run, retrain=False, lesions=("callosum",), trials=2)
+        results = run_study(run, **NO_RETRAINING, lesions=("callosum",), trials=2)
         assert results["value"][results["metric"] == "effort"].notna().all()
 
 
@@ -310,15 +347,15 @@ def test_a_network_that_retraining_breaks_has_no_values_and_harms_no_other(train
     real, variables = Retraining.run, Layout(build_network(trained.config())).variables
     (bias,) = [variable.offset for variable in variables if variable.name == "output.bias"]
 
-    def breaking(self, weights, seeds, lesion, *rest):
-        after = real(self, weights, seeds, lesion, *rest)
-        if lesion == LESIONS["shallow_dominant"]:
+    def breaking(self, weights, seeds, lesions, *rest):
+        after = real(self, weights, seeds, lesions, *rest)
+        if lesions[0] == LESIONS["shallow_dominant"]:
             after[1, bias] = float("nan")
         return after
 
     monkeypatch.setattr(Retraining, "run", breaking)
     found = run_study(trained, lesions=("shallow_dominant", "callosum"))
-    broken = (found["seed"] == 1) & (found["lesion"] == "shallow_dominant") & found["retrained"]
+    broken = (found["seed"] == 1) & (found["lesion"] == "shallow_dominant") & (found["protocol"] != "none")
     assert found["value"][broken].isna().all()
     expected = results[results["lesion"].isin(["intact", "shallow_dominant", "callosum"])].reset_index(drop=True)
     pd.testing.assert_frame_equal(found[~broken], expected[~broken], check_exact=True)
@@ -327,8 +364,8 @@ def test_a_network_that_retraining_breaks_has_no_values_and_harms_no_other(train
 def test_an_epoch_that_blows_up_brings_no_values(bptt_run):
     with_config(bptt_run, bptt={"learning_rate": 1e39})
     results = run_study(bptt_run, lesions=("callosum",), trials=2)
-    assert results["value"][results["retrained"]].isna().all()
-    assert results["value"][~results["retrained"] & (results["metric"] == "effort")].notna().all()
+    assert results["value"][results["protocol"] != "none"].isna().all()
+    assert results["value"][(results["protocol"] == "none") & (results["metric"] == "effort")].notna().all()
 
 
 def test_a_seed_that_the_run_has_not_is_refused(trained):
@@ -349,4 +386,4 @@ def test_a_network_of_one_side_has_one_state(tmp_path, small_bptt):
     folder.save_weights("final", {"seeds": torch.tensor([0]), **states})
     results = run_study(folder, trials=2)
     assert set(results["lesion"]) == {"intact"}
-    assert set(results["retrained"]) == {False, True}
+    assert set(results["protocol"]) == {"none", "output", "everything"}

@@ -93,8 +93,8 @@ def test_it_trains_and_writes_the_results_last(config, whole):
     assert run.status()["state"] == "finished"
     results = pd.read_csv(folder / RESULT)
     assert list(results) == list(COLUMNS)
-    states = results[["seed", "lesion", "retrained"]].drop_duplicates()
-    assert len(states) == 2 * 2 * 2
+    states = results[["seed", "lesion", "network", "protocol"]].drop_duplicates()
+    assert len(states) == 2 * 2 * 2 * 3
     assert set(results["lesion"]) == {"intact", "callosum"}
     assert set(results["seed"]) == {0, 1}
     assert set(results["metric"]) == {metric.name for metric in measured_metrics(config)}

@@ -2,6 +2,7 @@ import shutil
 
 import pandas as pd
 import pytest
+from treatments import AS_TRAINED
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.io.errors import UserError
@@ -16,7 +17,7 @@ CONFIGS = Study(algo="ppo", seeds=2).configs()
 def write(folder, config, value):
     path = folder / results_file(config)
     path.parent.mkdir(parents=True, exist_ok=True)
-    row = (config.model, config.task, config.algo, config.seed, "intact", False, "effort", value)
+    row = (config.model, config.task, config.algo, config.seed, "intact", *AS_TRAINED, "effort", value)
     pd.DataFrame([row], columns=list(COLUMNS)).to_csv(path, index=False)
     return path
 
@@ -28,7 +29,6 @@ def test_results_are_those_of_the_trainings_that_are_done(tmp_path):
     results = results_of(tmp_path, CONFIGS)
     assert list(results["value"]) == [0, 3, 20]
     assert list(results["seed"]) == [CONFIGS[i].seed for i in (0, 3, 20)]
-    assert results["retrained"].dtype == bool
 
 
 def test_where_nothing_is_done_there_are_no_results_and_no_runs(tmp_path):

@@ -5,6 +5,7 @@ import json
 
 import pandas as pd
 import pytest
+from treatments import AS_TRAINED
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.config.resolve import resolve
@@ -79,7 +80,9 @@ def test_every_point_has_a_job_of_its_own_name_result_and_runs():
     for job, point in zip(jobs, sweep.points(), strict=True):
         assert json.loads(json.dumps(job.arguments)) == job.arguments
         assert job.arguments["config"] == sweep.config(point, 2).to_values()
-        assert job.arguments["lesions"] == {"lesions": ["intact"], "retrain": False, "trials": 32}
+        assert job.arguments["lesions"] == {
+            "lesions": ["intact"], "protocols": [{"retrain": "none"}], "control": False, "trials": 32,
+        }  # fmt: skip
         assert job.result == job.arguments["result"] == result_file(point)
         assert job.threads == 2
 
@@ -129,7 +132,7 @@ def test_as_many_points_as_there_may_be():
 def write(folder, sweep, n, seeds=(0, 1)):
     point = sweep.points()[n]
     config = sweep.config(point)
-    rows = [(config.model, config.task, "bptt", s, "intact", False, "effort", 10.0 * n + s) for s in seeds]
+    rows = [(config.model, config.task, "bptt", s, "intact", *AS_TRAINED, "effort", 10.0 * n + s) for s in seeds]
     path = folder / result_file(point)
     path.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(rows, columns=list(COLUMNS)).to_csv(path, index=False)

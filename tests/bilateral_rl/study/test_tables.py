@@ -5,6 +5,7 @@ import math
 import pandas as pd
 import pytest
 from scipy import stats
+from treatments import treated
 
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.study.tables import study_tables
@@ -16,8 +17,8 @@ UNI, BI = [90.0, 92.0, 94.0], [96.0, 97.0, 98.0]
 RETRAINED = {"intact": [96.0, 98.0, 99.0], "deep_dominant": [20.0, 10.0, 40.0], "deep_non_dominant": [80.0, 90.0, 60.0]}
 
 
-def rows(metric, model, values, lesion="intact", retrained=False, task="random_reach"):
-    return [(model, task, "bptt", seed, lesion, retrained, metric, value) for seed, value in enumerate(values)]
+def rows(metric, model, values, lesion="intact", protocol="none", task="random_reach"):
+    return [(model, task, "bptt", seed, lesion, *treated(protocol), metric, value) for seed, value in enumerate(values)]
 
 
 def long_table(*groups):
@@ -25,7 +26,7 @@ def long_table(*groups):
 
 
 def lesioned(model="bi_s", metric=COMPLETION, task="random_reach"):
-    return [row for name, v in RETRAINED.items() for row in rows(metric, model, v, name, True, task)]
+    return [row for name, v in RETRAINED.items() for row in rows(metric, model, v, name, "output", task)]
 
 
 def tables_of(results):
@@ -91,7 +92,7 @@ def test_models_are_compared_pair_by_pair(tables):
 
 def test_lesions_stand_below_the_intact_network_with_their_tests(tables):
     table = tables["lesions_random_reach"]
-    assert table.columns == ["", "Bi-S", "retrained", "p"]
+    assert table.columns == ["", "Bi-S", "output layer retrained", "p"]
     cells = {row[0]: row[1:] for row in table.rows}
     pairs = [("intact", "deep_dominant"), ("intact", "deep_non_dominant"), ("deep_dominant", "deep_non_dominant")]
     raw = [stats.ttest_rel(RETRAINED[a], RETRAINED[b]).pvalue for a, b in pairs]
@@ -123,7 +124,15 @@ def test_each_task_is_judged_by_its_own_metric_and_radius():
     )
     assert "pairs_random_reach" not in tables  # one model is no comparison
     assert tables["models_hold_position"].rows == [["Time within 1 cm (steps)", "6.0 ± 1.0", "16.0 ± 1.0"]]
-    assert tables["lesions_hold_position"].columns == ["", "Bi-S", "retrained", "p", "CC-S", "retrained", "p"]
+    assert tables["lesions_hold_position"].columns == [
+        "",
+        "Bi-S",
+        "output layer retrained",
+        "p",
+        "CC-S",
+        "output layer retrained",
+        "p",
+    ]
     assert tables["lesions_hold_position"].rows[0][4:] == ["16.0 ± 1.0", "–", "–"]
     assert "Time within 1 cm" in tables["specialization_hold_position"].title
 

@@ -1,0 +1,17 @@
+"""Networks that have learned nothing: where supervised training begins, and the control of lesion studies."""
+
+from __future__ import annotations
+
+import torch
+
+from bilateral_rl.bptt.trials import initial_weights_seed
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io.tensors import Tensors
+from bilateral_rl.runs.policies import build_network
+
+
+def fresh_network(config: TrainConfig, seed: int) -> Tensors:
+    """Return the ``state_dict()`` of a freshly initialized network of the run's model; each seed has one of its own."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(initial_weights_seed(seed))
+        return dict(build_network(config).state_dict())
