@@ -80,7 +80,7 @@ def _study(algo: str, profile: str, seeds: str | None, quick: bool, overrides: s
         chosen = Seeds(QUICK_SEEDS if quick else PAPER_SEEDS)
     else:
         chosen = parse_seeds(seeds, "--set seed" if "seed" in overrides else "")
-    return Study(algo, profile, chosen.n, quick, overrides, first_seed=chosen.first or 0)
+    return Study(algo, profile, chosen.first or 0, chosen.n, quick, overrides)
 
 
 def _conclude(study: Study, folder: Path, outcomes: Sequence[JobOutcome], console: Console) -> list[Claim]:

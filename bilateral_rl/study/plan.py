@@ -43,13 +43,13 @@ class Study:
 
     algo: str = "bptt"
     profile: str = "paper"
+    first_seed: int = 0
     seeds: int = 10
+    """How many networks of each model: of ``first_seed``, ``first_seed + 1``, …"""
     quick: bool = False
     """A preview: few seeds, short trainings, few test trials."""
     overrides: Values = field(default_factory=dict)
     """Settings of every training, as ``--set`` gives them."""
-    first_seed: int = 0
-    """The first of its consecutive seeds."""
 
     def __post_init__(self) -> None:
         check_choice("algorithm", self.algo, ALGORITHMS)
