@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
@@ -14,8 +16,7 @@ from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import make_task
-from bilateral_rl.envs.trial_streams import TrialStreams
+from bilateral_rl.envs.tasks import Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
@@ -114,10 +115,19 @@ class Evaluator:
             raise NotFiniteError("These trials cannot be measured: the arm that trial.arm describes leaves all bounds.")
         return record
 
+    @functools.cached_property
+    def _trials(self) -> tuple[Trials, NDArray[np.float64] | None]:
+        """What sets the trials apart, drawn once: seeding takes as long as moving the arms."""
+        batch = self._batch
+        draws = [batch.draw(seeding.np_random(seed)[0]) for seed in self._seeds]
+        noise = [draw.noise for draw in draws if draw.noise is not None]
+        trials = batch.task.trials(np.concatenate([draw.uniform for draw in draws]), batch.settings)
+        return trials, np.concatenate(noise) if noise else None
+
     def _run(self, policy: MotorPolicy, deterministic: bool) -> TrialRecord:
         batch = self._batch
         length = batch.settings.trial_length
-        TrialStreams(batch, self._seeds).start(np.arange(batch.n, dtype=np.int32))
+        batch.start(np.arange(batch.n, dtype=np.int32), *self._trials)
         joint, hand = np.empty((2, batch.n, length + 1, 2), dtype=np.float32)
         observation = np.empty((batch.n, length, batch.observation.shape[1]), dtype=np.float32)
         excitation, activation = np.empty((2, batch.n, length, batch.excitation.shape[1]), dtype=np.float32)

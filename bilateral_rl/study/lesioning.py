@@ -73,8 +73,8 @@ class LesionStudy:
         names: names of the states, "intact" first.
 
     Raises:
-        UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run does not have, or
-            a protocol that its networks cannot follow.
+        UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run does not have, no
+            protocol, or one that its networks cannot follow.
     """
 
     def __init__(
@@ -84,6 +84,8 @@ class LesionStudy:
         only: int | None = None,
         weights: str = FINAL,
     ) -> None:
+        if not settings.protocols:
+            raise UserError("A lesion study needs a protocol, if only that without retraining.")
         self.settings, self.config = settings, folder.config()
         self.names = state_names(self.config, settings.lesions)
         self._lesions = _lesions_of(self.config, settings.profile)

@@ -1,11 +1,22 @@
 """The long table of results: what is picked from it, and what is no such table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from treatments import AS_TRAINED, RETRAINED
 
-from bilateral_rl.analysis.results import COLUMNS, State, by_seed, read_results
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.analysis.results import (
+    COLUMNS,
+    TREATMENT,
+    State,
+    by_seed,
+    protocols_in,
+    read_results,
+    treatment,
+)
 from bilateral_rl.io.errors import UserError
 
 ROWS = [
@@ -81,3 +92,70 @@ def test_a_file_that_is_no_such_table_is_refused(tmp_path):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(UserError, match="No such file"):
         read_results(tmp_path / "results.csv")
+
+
+# Versions and protocols
+
+OLD = b"""model,task,algo,seed,lesion,retrained,metric,value
+cc_s,random_reach,bptt,0,callosum,False,effort,1.5
+cc_s,random_reach,bptt,0,callosum,True,effort,2.5
+"""
+
+
+def test_a_table_of_version_0_1_0_is_of_trained_networks_without_retraining_and_with_that_of_the_output_layer(tmp_path):
+    (tmp_path / "old.csv").write_bytes(OLD)
+    table = read_results(tmp_path / "old.csv")
+    assert tuple(table.columns) == COLUMNS
+    state = State("random_reach", "cc_s", "callosum")
+    assert list(by_seed(table, "effort", state)) == [1.5]
+    assert list(by_seed(table, "effort", replace(state, protocol="output"))) == [2.5]
+    assert by_seed(table, "effort", state.control).empty
+    assert list(table["epochs"]) == [0, 1]
+    assert list(table["penalty"]) == ["none", "unknown"]
+    table.to_csv(tmp_path / "new.csv", index=False)
+    pd.testing.assert_frame_equal(read_results(tmp_path / "new.csv"), table, check_exact=True)
+
+
+def test_old_and_new_tables_can_be_read_as_one(results, tmp_path):
+    (tmp_path / "old.csv").write_bytes(OLD)
+    both = pd.concat([results, read_results(tmp_path / "old.csv")], ignore_index=True)
+    assert dict(by_seed(both, "effort", State("random_reach", "cc_s", "callosum"))) == {0: 1.5, 2: 4.0}
+    assert both["epochs"].dtype == int
+
+
+def test_the_columns_say_what_was_really_done():
+    used = Protocol("everything", 3, 0.02, "activity", 0.5, "fresh", "training")
+    row = treatment(Protocol("everything", 3, optimizer="continued"), "fresh", used)
+    named = dict(zip(TREATMENT, row, strict=True))
+    assert named == {
+        "network": "fresh", "protocol": "everything-3-epochs-continued", "retrain": "everything", "epochs": 3,
+        "learning_rate": 0.02, "penalty": "activity", "penalty_coefficient": 0.5, "optimizer": "fresh",
+        "trials": "training",
+    }  # fmt: skip
+
+
+def test_protocols_stand_in_the_order_of_their_kinds_and_all_others_after_them(results):
+    names = ["everything-3-epochs", "everything", "output-lr-0.01", "none", "combination", "output"]
+    table = pd.concat([results.assign(protocol=name) for name in names])
+    expected = ["none", "output", "combination", "everything", "everything-3-epochs", "output-lr-0.01"]
+    assert protocols_in(table) == expected
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("network", "new"), ("protocol", "output-1-epochs"), ("retrain", "all"), ("penalty", "l1"),
+     ("optimizer", "sgd"), ("trials", "some")],
+)  # fmt: skip
+def test_words_that_no_table_has_are_refused(results, tmp_path, column, value):
+    results.assign(**{column: value}).to_csv(tmp_path / "x.csv", index=False)
+    with pytest.raises(UserError, match=f"no table of results.*{value}"):
+        read_results(tmp_path / "x.csv")
+
+
+def test_a_value_may_be_there_once_for_each_protocol_and_network(results, tmp_path):
+    path = tmp_path / "x.csv"
+    pd.concat([results, results.assign(network="fresh")]).to_csv(path, index=False)
+    assert len(read_results(path)) == 2 * len(results)
+    pd.concat([results, results.assign(learning_rate=0.1)]).to_csv(path, index=False)
+    with pytest.raises(UserError, match="one value more than once"):
+        read_results(path)

@@ -24,6 +24,7 @@ from bilateral_rl.runs.policies import build_network, load_policies, load_policy
 from bilateral_rl.study import lesioning
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy, state_names
 from bilateral_rl.training.fresh_networks import fresh_network
+from bilateral_rl.training.moments import trained_moments
 from bilateral_rl.training.retraining import Retraining
 
 SETTINGS = {"trials": 8, "seed": 7, "threads": 1}
@@ -64,11 +65,11 @@ def evaluated(folder, policy, lesion, **settings):
     return pd.Series(measure(record, metrics_of(config.task, STUDY_RADII)))
 
 
-def retrained_by_hand(folder, seed, lesion, trials=None, protocol=OUTPUT_LAYER, state=None):
+def retrained_by_hand(folder, seed, lesion, trials=None, protocol=OUTPUT_LAYER, state=None, moments=None):
     """The policy of one seed after a protocol, made without the others."""
     config, policy = folder.config(), load_policy(folder, seed=seed)
     layout, state = Layout(build_network(config)), state or network_states(folder)[seed]
-    row = Retraining(config, protocol, trials, threads=1).run(layout.pack([state]), [seed], [lesion])
+    row = Retraining(config, protocol, trials, threads=1).run(layout.pack([state]), [seed], [lesion], moments)
     policy.motor_network.load_state_dict({name: tensor[0] for name, tensor in layout.unpack(row).items()})
     return policy
 
@@ -387,3 +388,58 @@ def test_a_network_of_one_side_has_one_state(tmp_path, small_bptt):
     results = run_study(folder, trials=2)
     assert set(results["lesion"]) == {"intact"}
     assert set(results["protocol"]) == {"none", "output", "everything"}
+
+
+# Protocols
+
+
+def test_an_optimizer_is_continued_where_there_was_one_and_the_control_begins_anew(bptt_run):
+    protocols = (Protocol("everything"), Protocol("everything", optimizer="continued"))
+    results = run_study(bptt_run, lesions=("callosum",), protocols=protocols)
+    state = {"seed": 1, "lesion": "callosum"}
+    fresh, continued = ({**state, "protocol": protocol.name} for protocol in protocols)
+    moments = trained_moments(bptt_run, [1])
+    policy = retrained_by_hand(bptt_run, 1, LESIONS["callosum"], protocol=protocols[1], moments=moments)
+    found = values_of(results, **continued, network="trained")
+    assert_same(found, evaluated(bptt_run, policy, "callosum"))
+    assert found["effort"] != values_of(results, **fresh, network="trained")["effort"]
+    assert_same(values_of(results, **fresh, network="fresh"), values_of(results, **continued, network="fresh"))
+    used = results[results["protocol"] == continued["protocol"]].groupby("network")["optimizer"].unique()
+    assert {network: list(values) for network, values in used.items()} == {
+        "trained": ["continued"],
+        "fresh": ["fresh"],
+    }
+
+
+def test_an_optimizer_goes_on_with_the_weights_that_it_left(bptt_run):
+    tensors = bptt_run.load_weights("final")
+    bptt_run.save_weights("final", {name: t if name == "seeds" else 2 * t for name, t in tensors.items()})
+    with pytest.raises(UserError, match="not of its weights 'final'"):
+        study_of(bptt_run, protocols=(Protocol("output", optimizer="continued"),))
+
+
+def test_the_columns_hold_the_numbers_that_were_used(bptt_run):
+    with_config(bptt_run, bptt={"penalty": "activity", "penalty_coefficient": 0.5, "learning_rate": 0.03})
+    protocols = (Protocol("none"), Protocol("output"), Protocol("everything", 2, 0.01, "weights"))
+    results = run_study(bptt_run, only=0, lesions=("callosum",), protocols=protocols, control=False, trials=2)
+    columns = [
+        "protocol",
+        "retrain",
+        "epochs",
+        "learning_rate",
+        "penalty",
+        "penalty_coefficient",
+        "optimizer",
+        "trials",
+    ]
+    rows = results[columns].drop_duplicates().astype(object)
+    assert rows.where(rows.notna(), None).to_numpy().tolist() == [
+        ["none", "none", 0, None, "none", None, "none", "none"],
+        ["output", "output", 1, 0.03, "activity", 0.5, "fresh", "new"],
+        ["everything-2-epochs-lr-0.01-penalty-weights", "everything", 2, 0.01, "weights", 0.001, "fresh", "new"],
+    ]
+
+
+def test_a_study_without_any_protocol_is_refused(trained):
+    with pytest.raises(UserError, match="needs a protocol"):
+        study_of(trained, protocols=())
