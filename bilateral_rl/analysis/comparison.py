@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bilateral_rl.analysis.bootstrap import bootstrap_difference, bootstrap_mean, bootstrap_ratio
-from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g
+from bilateral_rl.analysis.intervals import Interval, difference_interval, hedges_g, mean_interval
 from bilateral_rl.analysis.results import State, by_seed, protocol_words
 from bilateral_rl.analysis.samples import Float64, align, finite, join_notes
 from bilateral_rl.analysis.statistics import (
@@ -36,7 +36,8 @@ class Comparison:
     """Id of the task."""
     groups: pd.DataFrame
     """A row a group, indexed by its name; columns mean, sd, n, low and high (95 % bootstrap interval of the mean),
-    note."""
+    note; of lesions also fresh, see
+    :func:`compare_lesions`."""
     pairs: pd.DataFrame
     """A row a pair of groups, ``first`` and ``second`` in the order of ``groups``; the other columns are those of
     :func:`compare` or :func:`compare_lesions`."""
@@ -85,7 +86,8 @@ def compare(results: pd.DataFrame, metric: str, task: str, models: Sequence[str]
 def compare_lesions(results: pd.DataFrame, metric: str, intact: State) -> Comparison:
     """Compare the intact networks and their lesions, each with each, paired by seed.
 
-    The groups are the lesions, "intact" first. The columns of ``pairs``: ``n`` seeds that both have; the mean
+    The groups are the lesions, "intact" first; their column ``fresh`` is the mean of fresh networks that were treated
+    alike, NaN if there are none. The columns of ``pairs``: ``n`` seeds that both have; the mean
     ``difference`` (first − second) with its interval ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs
     with its exact interval ``g_low`` to ``g_high``; ``p_paired`` of the paired t test alone; ``p_holm``, the same
     adjusted for all pairs of the table; ``note``.
@@ -115,7 +117,8 @@ def compare_lesions(results: pd.DataFrame, metric: str, intact: State) -> Compar
         )
     lesions = [INTACT, *(name for name in present if name != INTACT)]
     samples = {lesion: by_seed(results, metric, intact.after(lesion)) for lesion in lesions}
-    return Comparison(metric, intact.task, _groups(samples), _lesion_pairs(samples))
+    fresh = [mean_interval(by_seed(results, metric, intact.after(lesion).control)).value for lesion in lesions]
+    return Comparison(metric, intact.task, _groups(samples).assign(fresh=fresh), _lesion_pairs(samples))
 
 
 def _check_not_empty(values: pd.Series, model: str, metric: str, task: str) -> None:

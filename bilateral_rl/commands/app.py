@@ -153,7 +153,36 @@ def lesion(
         list[str] | None,
         typer.Option("--lesion", help="Only this one; may be repeated.", show_default="all that the model can have"),
     ] = None,
-    retrain: Annotated[bool, typer.Option(help="Also train the output layer for one epoch in each state.")] = True,
+    retrain: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="WHAT",
+            help="What adapts after each lesion: none, output (layer), combination (weights too), everything, or a "
+            "protocol by its name in a lesions.csv; may be repeated.",
+            show_default="none, output and everything",
+        ),
+    ] = None,
+    no_retrain: Annotated[bool, typer.Option("--no-retrain", help="The same as --retrain none.")] = False,
+    retrain_epochs: Annotated[int | None, typer.Option(help="Epochs that it adapts for.", show_default="1")] = None,
+    retrain_learning_rate: Annotated[
+        float | None, typer.Option(help="Learning rate of Adam.", show_default="the run's, or 0.001 by rewards")
+    ] = None,
+    retrain_optimizer: Annotated[
+        str | None, typer.Option(help="fresh, or continued from the training (bptt).", show_default="fresh")
+    ] = None,
+    retrain_trials: Annotated[
+        str | None, typer.Option(help="new ones, or those of the training (bptt).", show_default="new")
+    ] = None,
+    retrain_penalty: Annotated[
+        str | None, typer.Option(help="Weight penalty: weights, activity or released.", show_default="the run's")
+    ] = None,
+    retrain_penalty_coefficient: Annotated[
+        float | None, typer.Option(help="Its λ; 0 for no penalty.", show_default="the run's")
+    ] = None,
+    control: Annotated[
+        bool,
+        typer.Option(help="Treat fresh networks alike, which tells what was kept from what is relearned."),
+    ] = True,
     profile: Annotated[
         str | None,
         typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
@@ -163,13 +192,19 @@ def lesion(
     weights: Weights = "final",
     out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="RUN-lesions")] = None,
 ) -> None:
-    """Lesion a trained model in every way it can be, each without and with an epoch of retraining."""
+    """Lesion a trained model in every way it can be, let it adapt, and test it beside a fresh one treated alike."""
     from bilateral_rl.commands import lesion as command
+    from bilateral_rl.commands.protocol_options import chosen_protocols
 
+    settings: dict[str, Any] = {
+        "epochs": retrain_epochs, "learning_rate": retrain_learning_rate, "optimizer": retrain_optimizer,
+        "trials": retrain_trials, "penalty": retrain_penalty, "penalty_coefficient": retrain_penalty_coefficient,
+    }  # fmt: skip
     command.lesion(
         run=run,
         lesions=lesions,
-        retrain=retrain,
+        protocols=chosen_protocols(retrain, no_retrain, settings),
+        control=control,
         profile=profile,
         trials=trials,
         seed=seed,
@@ -186,6 +221,14 @@ def compare(
         list[str] | None,
         typer.Option("--metric", help="Such as effort; may be repeated.", show_default="the task's preferred one"),
     ] = None,
+    retrain: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="What followed the lesions (of one), such as everything; may be repeated.",
+            show_default="all that was tested",
+        ),
+    ] = None,
     trials: Annotated[int, typer.Option(help="Trials of each test (of models).")] = TEST_TRIALS,
     seed: Annotated[int, typer.Option(help="Seed of the trials (of models).")] = TEST_SEED,
     csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
@@ -193,7 +236,9 @@ def compare(
     """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""
     from bilateral_rl.commands import compare as command
 
-    command.compare_runs(runs=runs, metrics=metrics, trials=trials, seed=seed, csv=csv, console=console)
+    command.compare_runs(
+        runs=runs, metrics=metrics, protocols=retrain, trials=trials, seed=seed, csv=csv, console=console
+    )
 
 
 @app.command()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -48,13 +49,21 @@ class _Chosen:
 
 
 def compare_runs(
-    *, runs: Sequence[str], metrics: Sequence[str] | None, trials: int, seed: int, csv: Path | None, console: Console
+    *,
+    runs: Sequence[str],
+    metrics: Sequence[str] | None,
+    protocols: Sequence[str] | None,
+    trials: int,
+    seed: int,
+    csv: Path | None,
+    console: Console,
 ) -> None:
     """Compare several runs' models, or the lesions of one, with seeds as the unit.
 
     Args:
         runs: each RUN or RUN:SEED; one alone is compared by its lesions.
         metrics: names of the metrics; None for the task's preferred one.
+        protocols: names of what followed the lesions of one run; None for all that there are.
         trials: number of trials of each test of a model.
         seed: seed of the first trial.
         csv: file for one row a pair; "-" for the terminal, None for no file.
@@ -72,7 +81,9 @@ def compare_runs(
         raise UserError(f"Runs of different tasks cannot be compared: {', '.join(sorted(tasks))}.")
     found_metrics = _metrics(metrics, chosen[0].config)
     if len(chosen) == 1:
-        _compare_lesions(chosen[0], found_metrics, csv, console)
+        _compare_lesions(chosen[0], found_metrics, protocols, csv, console)
+    elif protocols:
+        raise UserError("--retrain chooses among the lesions of one run; name one run, or leave it out.")
     else:
         _compare_models(chosen, found_metrics, trials, seed, csv, console)
 
@@ -149,19 +160,24 @@ def _check_each_seed_is_there_once(chosen: Sequence[_Chosen]) -> None:
             raise UserError(f"Seed {seed} of {path} is there {n} times; name every run, or seed of it, once.")
 
 
-def _compare_lesions(one: _Chosen, metrics: Sequence[Metric], csv: Path | None, console: Console) -> None:
+def _compare_lesions(
+    one: _Chosen, metrics: Sequence[Metric], protocols: Sequence[str] | None, csv: Path | None, console: Console
+) -> None:
     folder = LesionFolder.beside(one.folder, one.only)
     results, notes = folder.read(one.folder, one.name(str(one.folder.path)))
-    measured = list(dict.fromkeys(results["metric"]))
+    measured, studied = list(dict.fromkeys(results["metric"])), protocols_in(results)
     comparisons, tables = [], []
     for metric in metrics:
         if metric.name not in measured:
             raise UserError(f"{folder.path} has no {metric.name}; choose a --metric from {', '.join(measured)}.")
-        for protocol in protocols_in(results):
-            state = State(one.config.task, one.config.model, protocol=protocol)
-            comparison = compare_lesions(results, metric.name, state)
-            comparisons.append((comparison, f"{one.config.model}, {protocol_words(protocol)}"))
-            tables.append(comparison.pairs.assign(metric=metric.name, protocol=protocol))
+    for name in protocols or ():
+        if name not in studied:
+            raise UserError(f"{folder.path} has no --retrain {name}; choose from {', '.join(studied)}.")
+    for metric, protocol in itertools.product(metrics, dict.fromkeys(protocols or studied)):
+        state = State(one.config.task, one.config.model, protocol=protocol)
+        comparison = compare_lesions(results, metric.name, state)
+        comparisons.append((comparison, f"{one.config.model}, {protocol_words(protocol)}"))
+        tables.append(comparison.pairs.assign(metric=metric.name, protocol=protocol))
     _report(comparisons, tables, notes, csv, console)
 
 

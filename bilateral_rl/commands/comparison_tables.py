@@ -54,19 +54,23 @@ def print_methods(comparison: Comparison, console: Console) -> None:
             "paired differences, not to be compared with that of models; "
             "p: t tests paired by seed, adjusted by Holm."
         )
+        if "fresh" in comparison.groups and comparison.groups["fresh"].notna().any():
+            words += " fresh: mean of freshly initialized networks, treated alike."
     console.print(words, highlight=False)
 
 
 def _groups_table(comparison: Comparison, decimals: int) -> Table:
     table = Table("")
     table.columns[0].overflow = "fold"
-    for head in ("mean", "sd", "95 % interval", "seeds"):
+    has_control = "fresh" in comparison.groups and comparison.groups["fresh"].notna().any()
+    for head in ("mean", "sd", "95 % interval", "seeds", *(["fresh"] if has_control else [])):
         table.add_column(head, justify="right", no_wrap=True)
     for name, row in comparison.groups.iterrows():
         numbers = (fixed(row[column], decimals) for column in ("mean", "sd"))
-        table.add_row(
-            escape(_name(comparison, name)), *numbers, _interval(row["low"], row["high"], decimals), str(int(row["n"]))
-        )
+        interval, control = _interval(row["low"], row["high"], decimals), []
+        if has_control:
+            control = [f"[dim]{fixed(row['fresh'], decimals)}"]
+        table.add_row(escape(_name(comparison, name)), *numbers, interval, str(int(row["n"])), *control)
     return table
 
 

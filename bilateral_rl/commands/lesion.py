@@ -10,14 +10,10 @@ import pandas as pd
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
-from rich.table import Table
 
-from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
-from bilateral_rl.analysis.results import State, by_seed, protocol_words
-from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
+from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.commands.checks import check_trials
-from bilateral_rl.figures.labels import with_unit
+from bilateral_rl.commands.lesion_tables import print_lesions
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import lesion_words
 from bilateral_rl.runs.policies import parse_run
@@ -29,7 +25,8 @@ def lesion(
     *,
     run: str,
     lesions: Sequence[str] | None,
-    retrain: bool,
+    protocols: Sequence[Protocol],
+    control: bool,
     profile: str | None,
     trials: int,
     seed: int,
@@ -42,7 +39,8 @@ def lesion(
     Args:
         run: RUN, or RUN:SEED for one network of it.
         lesions: their names; None for all that the model can have.
-        retrain: whether networks also adapt to each state.
+        protocols: what follows each lesion; each state is tested once per protocol.
+        control: whether fresh networks are treated alike.
         profile: whose combined lesions: "paper" or "released"; None for the run's profile.
         trials: number of trials of each test.
         seed: seed of the first trial.
@@ -57,7 +55,8 @@ def lesion(
     folder, only = parse_run(run)
     settings = LesionSettings(
         lesions=tuple(lesions) if lesions else None,
-        protocols=DEFAULT_PROTOCOLS if retrain else (Protocol("none"),),
+        protocols=tuple(protocols),
+        control=control,
         profile=profile,
         trials=trials,
         seed=seed,
@@ -73,7 +72,9 @@ def lesion(
         try:
             output.write(results, description, study.config)
         finally:
-            _print(results, study, f"{run} ({weights}), {trials} trials of seed {seed}", console)
+            title = f"{run} ({weights}), {trials} trials of seed {seed}"
+            console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
+            print_lesions(results, lesion_metrics(study.config), console)
     if replaces_stale:
         console.print("[yellow]Note:[/yellow] these take the place of lesions of weights that the run no longer has.")
     path = escape(shlex.quote(str(output.path)))
@@ -88,44 +89,3 @@ def _with_progress(study: LesionStudy, console: Console) -> pd.DataFrame:
             progress.update(task, completed=done, description=lesion_words(name) or "done")
 
         return study.run(on_state)
-
-
-def _print(results: pd.DataFrame, study: LesionStudy, title: str, console: Console) -> None:
-    console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
-    console.print(_table(results, study))
-    if index := _specialization(results, study):
-        console.print(index, highlight=False)
-
-
-def _table(results: pd.DataFrame, study: LesionStudy) -> Table:
-    """Mean ± standard deviation over the seeds, a row a state, below each metric."""
-    table = Table("lesion")
-    table.columns[0].no_wrap = True  # the others' heads can be wrapped
-    for protocol in _protocols(study):
-        table.add_column(protocol_words(protocol), justify="right")
-    for metric in lesion_metrics(study.config):
-        table.add_section()
-        table.add_row(f"[bold]{with_unit(metric)}")
-        for name in study.names:
-            states = [State(study.config.task, study.config.model, name, protocol) for protocol in _protocols(study)]
-            values = [mean_sd(by_seed(results, metric.name, state), 1) for state in states]
-            table.add_row(lesion_words(name), *values)
-    if (seeds := results["seed"].nunique()) > 1:
-        table.caption = f"mean ± standard deviation over {seeds} seeds"
-    return table
-
-
-def _specialization(results: pd.DataFrame, study: LesionStudy) -> str:
-    """The specialization index in words; empty unless both sides were lesioned."""
-    if not set(ALONE.values()) <= set(study.names):
-        return ""
-    metric, parts = lesion_metrics(study.config)[0], []
-    for protocol in _protocols(study):
-        state = State(study.config.task, study.config.model, protocol=protocol)
-        index = specialization_by_seed(results, metric.name, state)
-        parts.append(f"{mean_sd(index, 3, '+')} {protocol_words(protocol)}")
-    return f"Specialization index: {', '.join(parts)} (above 0: the dominant side does more alone)."
-
-
-def _protocols(study: LesionStudy) -> list[str]:
-    return [protocol.name for protocol in study.settings.protocols]

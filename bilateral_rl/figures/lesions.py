@@ -1,20 +1,23 @@
-"""Effects of lesions on models."""
+"""Effects of lesions on models, by what follows each lesion, beside fresh networks that were treated alike."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from bilateral_rl.analysis.intervals import Interval, mean_interval
-from bilateral_rl.analysis.results import State, by_seed, protocol_words, protocols_in
+from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
 from bilateral_rl.figures.labels import MetricLike, axis_label, lesion_label, model_label, task_label
+from bilateral_rl.figures.protocols import CONTROL_COLOR, protocol_styles
 from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import (
-    marker_handle,
-    model_style,
+    FAINT,
+    INK,
+    ModelStyle,
     new_figure,
     set_note,
     set_title_and_legend,
@@ -22,57 +25,107 @@ from bilateral_rl.figures.style import (
 )
 from bilateral_rl.policies.lesions import INTACT, LESIONS
 
-_PANEL_HEIGHT = 1.6
-_SPREAD = 0.38
-"""Distance of the first protocol's column from the last one's, in a lesion's place."""
+_PANEL_HEIGHT, _REST_HEIGHT, _LEGEND_LINE = 1.6, 1.25, 0.16
+"""Heights (inches): of a panel, of what is above and below all, and of each protocol in the legend."""
+_MOST_COLUMNS = 4
+"""Most protocols that fit side by side; more go on in a panel below."""
+_LEAST_PLACES = 4
+"""Where there are fewer, they stand in the middle: a place too wide has its columns too far apart."""
+_WIDTH = 0.84
+"""Width of a lesion's place, of 1, that its columns share."""
 
 
-def lesion_effects(results: pd.DataFrame, task: str, metric: MetricLike, models: Sequence[str]) -> Figure:
-    """Draw a metric after each lesion, a column a protocol, a panel a model.
+def lesion_effects(
+    results: pd.DataFrame,
+    task: str,
+    metric: MetricLike,
+    models: Sequence[str],
+    protocols: Sequence[str] | None = None,
+) -> Figure:
+    """Draw a metric after each lesion, protocols side by side, a panel a model or more where protocols are many.
 
     Lesions stand in the order of :data:`~bilateral_rl.policies.lesions.LESIONS`; one of which a model has no value, as
-    the callosum's where there is none, shows a dash. A dashed line goes through the intact network's mean.
+    the callosum's where there is none, shows a dash. A short line across a column is the mean of fresh networks that
+    were treated alike, and a dashed line goes through the intact networks' mean.
 
     Args:
         results: table of :mod:`bilateral_rl.analysis.results`.
         task: which of its tasks.
         metric: what to draw.
         models: of which models, from the top.
+        protocols: names of the protocols, from the left; None for all that the table has.
     """
     rows = results[(results["task"] == task) & (results["metric"] == metric.name) & results["model"].isin(list(models))]
     lesions = [lesion for lesion in (INTACT, *LESIONS) if lesion in set(rows["lesion"])]
-    protocols = protocols_in(rows)
-    figure = new_figure(1.3 + _PANEL_HEIGHT * len(models))
-    panels = figure.subplots(len(models), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    styles = protocol_styles(protocols_in(rows) if protocols is None else protocols)
+    panels = [(model, part) for model in models for part in _parts([*styles])]
+    first, has_control = next(iter(styles)), bool((rows["network"] == FRESH).any())
+    figure = new_figure(_REST_HEIGHT + _PANEL_HEIGHT * len(panels) + _LEGEND_LINE * (len(styles) + has_control))
+    all_axes = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     means: list[Interval] = []
-    for axes, model in zip(panels, models, strict=True):
-        states = [[State(task, model, lesion, protocol) for protocol in protocols] for lesion in lesions]
-        means += _panel(axes, rows, metric, states)
-        _draw_intact_mean(axes, rows, metric, State(task, model))
-        style_axes(axes, y_label=axis_label(metric), title=model_label(model))
-    panels[-1].set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
-    handles = [marker_handle("o", filled=protocol != "none") for protocol in protocols]
-    set_title_and_legend(figure, f"{task_label(task)}: lesions", handles, [*map(protocol_words, protocols)])
-    set_note(figure, f"{marks_in_words(means)}\nDashed line: mean of the intact network. –: no value.")
+    for axes, (model, part) in zip(all_axes, panels, strict=True):
+        for x, lesion in enumerate(lesions):
+            means += _draw_place(axes, x, rows, metric, [State(task, model, lesion, name) for name in part], styles)
+        _draw_intact_mean(axes, rows, metric, State(task, model, protocol=first))
+        _style_panel(axes, len(lesions), axis_label(metric), model_label(model) if part[0] == first else "")
+    all_axes[-1].set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
+    _set_legend(figure, f"{task_label(task)}: lesions", styles, has_control)
+    dash = "" if all(mean.n for mean in means) else " –: no value."
+    set_note(figure, f"{marks_in_words(means)}\nDashed line: mean of the intact network.{dash}")
     return figure
 
 
-def _panel(axes: Axes, rows: pd.DataFrame, metric: MetricLike, states: Sequence[Sequence[State]]) -> list[Interval]:
-    """Draw the states of one model, a place a lesion."""
-    means = []
-    for x, of_lesion in enumerate(states):
-        for i, state in enumerate(of_lesion):
-            n = len(of_lesion)
-            shift = _SPREAD * (i / (n - 1) - 0.5) if n > 1 else 0.0
-            values = by_seed(rows, metric.name, state)
-            style = model_style(state.model)._replace(marker="o")
-            means.append(
-                draw_seeds(axes, x + shift, values, style, width=0.52 / n, size=5, filled=state.protocol != "none")
-            )
-    axes.set_xlim(-0.55, len(states) - 0.45)
+def _parts(protocols: Sequence[str]) -> list[Sequence[str]]:
+    """Split protocols evenly into as few panels as can hold them."""
+    n = max(1, -(-len(protocols) // _MOST_COLUMNS))
+    return [protocols[len(protocols) * i // n : len(protocols) * (i + 1) // n] for i in range(n)]
+
+
+def _draw_place(
+    axes: Axes,
+    x: int,
+    rows: pd.DataFrame,
+    metric: MetricLike,
+    states: Sequence[State],
+    styles: Mapping[str, ModelStyle],
+) -> list[Interval]:
+    """Draw what follows one lesion, a column a protocol, and return the means."""
+    values = {state: by_seed(rows, metric.name, state) for state in states}
+    if not any(series.notna().any() for series in values.values()):
+        states = states[:1]  # one dash says it
+    means, step = [], _WIDTH / max(len(states), 2)
+    for i, state in enumerate(states):
+        center = x + step * (i - (len(states) - 1) / 2)
+        control = mean_interval(by_seed(rows, metric.name, state.control)).value
+        axes.hlines(
+            control, center - 0.45 * step, center + 0.45 * step, color=CONTROL_COLOR, linewidth=1.5, gid="control"
+        )
+        style = styles[state.protocol]
+        means.append(draw_seeds(axes, center, values[state], style, width=0.62 * step, size=4.5))
     return means
 
 
 def _draw_intact_mean(axes: Axes, rows: pd.DataFrame, metric: MetricLike, intact: State) -> None:
     mean = mean_interval(by_seed(rows, metric.name, intact)).value
-    axes.axhline(mean, color=model_style(intact.model).color, linewidth=0.8, linestyle=(0, (5, 3)), gid="intact")
+    axes.axhline(mean, color=INK, linewidth=0.8, linestyle=(0, (5, 3)), gid="intact")
+
+
+def _style_panel(axes: Axes, n_places: int, y_label: str, title: str) -> None:
+    style_axes(axes, y_label=y_label, title=title)
+    middle, reach = (n_places - 1) / 2, max(n_places, _LEAST_PLACES) / 2 + 0.05
+    axes.set_xlim(middle - reach, middle + reach)
+    for place in range(1, n_places):
+        axes.axvline(place - 0.5, color=FAINT, linewidth=0.6, zorder=0)
+
+
+def _set_legend(figure: Figure, title: str, styles: Mapping[str, ModelStyle], has_control: bool) -> None:
+    handles = [
+        Line2D([], [], linestyle="", marker=style.marker, markersize=5.5, color=style.color, markeredgecolor=INK,
+               markeredgewidth=0.7)
+        for style in styles.values()
+    ]  # fmt: skip
+    words = [protocol_words(name) for name in styles]
+    if has_control:
+        handles.append(Line2D([], [], color=CONTROL_COLOR, linewidth=1.5))
+        words.append("fresh networks, treated alike")
+    set_title_and_legend(figure, title, handles, words)

@@ -208,19 +208,11 @@ def _lesion_command(name: str, description: Mapping[str, Any]) -> str:
 
 
 def _protocol_options(description: Mapping[str, Any]) -> list[str]:
-    """The options that ask for the protocols described, whose settings are the same for all that retrain something."""
+    """The options that ask for the protocols described."""
     try:
-        protocols = [build(Protocol, values) for values in description["protocols"]]
+        names = [build(Protocol, values).name for values in description["protocols"]]
     except (KeyError, TypeError, UserError):  # nobody says, or not in words that are known
         return []
-    kinds, usual = [protocol.retrain for protocol in protocols], [protocol.retrain for protocol in DEFAULT_PROTOCOLS]
-    words = [word for kind in kinds for word in ("--retrain", kind)] if kinds != usual else []
-    if kinds == ["none"]:
-        words = ["--no-retrain"]
-    settings = next((protocol for protocol in protocols if protocol.retrain != "none"), Protocol("none"))
-    for field in dataclasses.fields(Protocol)[1:]:
-        value = getattr(settings, field.name)
-        if value != field.default:
-            option = f"--retrain-{field.name.replace('_', '-')}"
-            words += [option] if value is True else [option, value]
-    return words
+    if names == [protocol.name for protocol in DEFAULT_PROTOCOLS]:
+        return []
+    return ["--no-retrain"] if names == ["none"] else [word for name in names for word in ("--retrain", name)]

@@ -43,7 +43,7 @@ def groups(out):
     """Mean, standard deviation and seeds of each group in the first table."""
     first = out.split("└")[0]
     rows = [[cell.strip() for cell in line[1:-1].split("│")] for line in first.splitlines() if line.startswith("│")]
-    return {name: (mean, sd, int(n)) for name, mean, sd, _, n in rows}
+    return {name: (mean, sd, int(n)) for name, mean, sd, _, n, *_ in rows}
 
 
 # Models
@@ -200,6 +200,34 @@ def test_one_run_compares_its_lesions_paired_by_seed(call, lesioned, tmp_path):
     assert "ANOVA" not in text
 
 
+def test_the_protocols_compared_can_be_chosen(call, lesioned, tmp_path):
+    every = compared(call, tmp_path, lesioned.path, *EFFORT)[2]
+    text, _, pairs = compared(call, tmp_path, lesioned.path, *EFFORT, "--retrain", "output", "--retrain", "output")
+    assert_same_pairs(pairs, every[every["protocol"] == "output"].assign(note=""))
+    assert "without retraining" not in text
+    assert "fresh" not in text
+
+
+def test_the_means_of_fresh_networks_stand_beside_those_of_the_trained(call, lesioned, tmp_path):
+    path = lesioned.path.with_name("bi_s-bptt-1-lesions") / "lesions.csv"
+    table = pd.read_csv(path)
+    control = table.assign(network="fresh", value=table["seed"] + 10.0 * (table["protocol"] == "output"))
+    pd.concat([table, control]).to_csv(path, index=False)
+    text, out, _ = compared(call, tmp_path, lesioned.path, "--retrain", "output")
+    assert [line.split("│")[-2].strip() for line in out.split("└")[0].splitlines() if line[0] == "│"] == ["12.5"] * 3
+    assert "fresh: mean of freshly initialized networks, treated alike" in text
+
+
+def test_lesions_of_version_0_1_0_are_compared_too(call, lesioned, tmp_path):
+    path = lesioned.path.with_name("bi_s-bptt-1-lesions") / "lesions.csv"
+    new = compared(call, tmp_path, lesioned.path)
+    table = pd.read_csv(path)
+    old = ["model", "task", "algo", "seed", "lesion", "retrained", "metric", "value"]
+    table.assign(retrained=table["protocol"] == "output")[old].to_csv(path, index=False)
+    assert compared(call, tmp_path, lesioned.path)[:2] == new[:2]
+    assert compared(call, tmp_path, lesioned.path, "--retrain", "none")[0]
+
+
 def test_results_without_retraining_have_one_table(call, lesioned, tmp_path):
     path = lesioned.path.with_name("bi_s-bptt-1-lesions") / "lesions.csv"
     table = pd.read_csv(path)
@@ -262,6 +290,13 @@ def test_metrics_that_are_unknown_or_mean_nothing_in_the_task_are_refused(call, 
         assert says in refused(call, *chosen, *EFFORT, "--metric", "sparc")
     says = "no time_in_goal_2cm; choose a --metric from time_in_goal_5cm, effort."
     assert says in refused(call, lesioned.path, "--metric", "time_in_goal_2cm")
+
+
+def test_protocols_that_were_not_tested_and_those_of_several_runs_are_refused(call, make_run, lesioned):
+    says = "has no --retrain everything; choose from none, output."
+    assert says in refused(call, lesioned.path, "--retrain", "everything")
+    runs = [make_run(model).path for model in ("uni_b", "cc_s")]
+    assert "--retrain chooses among the lesions of one run" in refused(call, *runs, "--retrain", "output")
 
 
 def test_seeds_of_one_model_alone_are_refused(call, make_run):

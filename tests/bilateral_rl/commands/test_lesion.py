@@ -13,6 +13,7 @@ from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from treatments import AS_TRAINED
 
+from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import COLUMNS, NETWORKS, State, by_seed, read_results
 from bilateral_rl.commands import lesion as command
 from bilateral_rl.policies.lesions import LESIONS
@@ -51,8 +52,8 @@ def lesioned(_trained_bptt, tmp_path_factory):
     run = RunFolder(tmp_path_factory.mktemp("lesioned") / RUN)
     shutil.copytree(_trained_bptt.path, run.path)
     before, console = files(run.path), Console(file=io.StringIO(), width=80)
-    options = {"lesions": None, "retrain": True, "profile": None, "trials": 8, "seed": 7, "weights": "final"}
-    command.lesion(run=str(run.path), out=None, console=console, **options)
+    options = {"lesions": None, "control": True, "profile": None, "trials": 8, "seed": 7, "weights": "final"}
+    command.lesion(run=str(run.path), protocols=DEFAULT_PROTOCOLS, out=None, console=console, **options)
     place = run.path.with_name("cc_s-bptt-1-lesions")
     return SimpleNamespace(run=run, before=before, out=console.file.getvalue(), place=place)
 
@@ -103,23 +104,21 @@ def test_tensorboard_holds_the_means_over_the_seeds_by_epochs_of_retraining(lesi
 
 def test_the_table_shows_mean_and_standard_deviation_of_every_state(lesioned, results):
     printed = rows_of_table(lesioned.out)
-    assert len(printed) == 2 * 9
     labels = ["Goal completion within 5 cm (%)", "Final error (cm)"]
-    for metric, label, (head, *states) in zip(METRICS, labels, (printed[:9], printed[9:]), strict=True):
+    for metric, label, (head, *states) in zip(METRICS, labels, (printed[:17], printed[17:34]), strict=True):
         assert head == [label, "", "", ""]
-        assert [state[0] for state in states] == [
+        assert [state[0] for state in states[::2]] == [
             *("intact", "shallow dominant", "shallow non-dominant", "deep dominant", "deep non-dominant"),
             *("callosum", "callosum, deep dominant", "callosum, deep non-dominant"),
         ]
-        for name, state in zip(("intact", *LESIONS), states, strict=True):
+        assert {state[0] for state in states[1::2]} == {"fresh network"}
+        for (name, network), state in zip(itertools.product(("intact", *LESIONS), NETWORKS), states, strict=True):
             for cell, protocol in zip(state[1:], ("none", "output", "everything"), strict=True):
-                values = of_model(results, metric, name, protocol)
+                values = of_model(results, metric, name, protocol, network)
                 assert [float(part) for part in cell.split(" ± ")] == pytest.approx(
                     [values.mean(), values.std(ddof=1)], abs=0.051
                 )
-    heads = [line.split("┃")[1:-1] for line in lesioned.out.splitlines() if line.startswith("┃")]
-    words = [" ".join(part.strip() for part in column if part.strip()) for column in zip(*heads, strict=True)]
-    assert words == ["lesion", "without retraining", "output layer retrained", "everything retrained"]
+    assert re.search(r"without ┃ output layer ┃ +everything", lesioned.out)
     assert "mean ± standard deviation over 3 seeds" in lesioned.out
 
 
@@ -136,7 +135,7 @@ def test_the_sign_of_the_specialization_index(trained, call, undrawn, monkeypatc
 
     monkeypatch.setattr(LesionStudy, "run", made_up)
     _, out, _ = call("lesion", RUN, "--no-retrain", "--lesion", "deep_dominant", "--lesion", "deep_non_dominant")
-    assert "Specialization index: +0.500 without retraining (above 0" in " ".join(out.split())
+    assert "(above 0: the dominant side does more alone): without retraining: +0.500" in " ".join(out.split())
 
 
 def test_nothing_is_wrapped_or_cut_at_80_columns(lesioned):
@@ -155,17 +154,30 @@ def test_it_says_what_was_tested_and_where_the_results_are(lesioned):
 
 
 def test_flags_reach_the_study(call, trained, undrawn, tmp_path):
-    flags = ["--lesion", "callosum_deep_dominant", "--lesion", "deep_dominant", "--profile", "released"]
+    flags = ["--lesion", "callosum_deep_dominant", "--lesion", "deep_dominant", "--profile", "released", "--no-control"]
+    retrain = ["--retrain", "none", "--retrain", "combination", "--retrain-epochs", 2, "--retrain-learning-rate", 0.01]
+    penalty = ["--retrain-penalty", "activity", "--retrain-penalty-coefficient", 0.5]
     more = ["--trials", 4, "--seed", 3, "--weights", "best", "--out", "elsewhere/x"]
-    code, out, err = call("lesion", f"{RUN}:1", *flags, *more)
+    code, out, err = call("lesion", f"{RUN}:1", *flags, *retrain, *penalty, *more)
     assert (code, err) == (0, "")
-    settings = LesionSettings(("callosum_deep_dominant", "deep_dominant"), profile="released", trials=4, seed=3)
+    protocols = Protocol("none"), Protocol("combination", 2, 0.01, "activity", 0.5)
+    settings = LesionSettings(("callosum_deep_dominant", "deep_dominant"), protocols, False, "released", 4, 3)
     expected = LesionStudy(trained, settings, 1, "best").run()
     pd.testing.assert_frame_equal(read_results(tmp_path / "elsewhere/x/lesions.csv"), expected, check_exact=True)
+    assert expected["protocol"].iloc[-1] == "combination-2-epochs-lr-0.01-penalty-activity-0.5"
     assert "(best), 4 trials of seed 3" in out
     assert "Specialization" not in out
     assert "seeds" not in out
     assert not (tmp_path / PLACE).exists()
+
+
+def test_the_optimizer_and_the_trials_of_the_training_go_on(call, trained, undrawn, tmp_path):
+    flags = ["--retrain-optimizer", "continued", "--retrain-trials", "training", "--trials", 2, "--lesion", "callosum"]
+    assert call("lesion", RUN, "--retrain", "output", *flags)[0] == 0
+    results = read_results(tmp_path / PLACE / "lesions.csv")
+    assert set(results["protocol"]) == {"output-continued-training-trials"}
+    assert set(results.loc[results["network"] == "trained", "optimizer"]) == {"continued"}
+    assert set(results["trials"]) == {"training"}
 
 
 def test_without_retraining_nothing_is_said_of_it(call, trained, undrawn, tmp_path):
@@ -249,6 +261,10 @@ MISTAKES = [
     ([RUN, "--weights", "step_1"], "best, final"),
     ([RUN, "--trials", "0"], "--trials must be at least 1"),
     ([RUN, "--seed", "-1"], "--seed must be at least 0"),
+    ([RUN, "--retrain", "all"], "choose from none, output, combination, everything"),
+    ([RUN, "--no-retrain", "--retrain", "output"], "leave one of them out"),
+    ([RUN, "--no-retrain", "--retrain-epochs", "2"], "--retrain-epochs says how to retrain, but nothing is retrained"),
+    ([RUN, "--retrain-epochs", "0"], "--retrain-epochs: epochs must be at least 1, got 0"),
     ([RUN, "--out", RUN], "lies in the run"),
     ([RUN, "--out", f"{RUN}/lesions"], "lies in the run"),
     ([RUN, "--out", "runs"], "holds other things"),

@@ -83,6 +83,20 @@ def test_lesions_of_weights_that_are_gone_are_refused_with_the_command_that_make
     assert "weights" not in ok("compare", RUN)
 
 
+def test_the_command_that_makes_lesions_anew_asks_for_the_same_protocols(ok, refused, trained, undrawn, tmp_path):
+    names = ["everything", "output-3-epochs-lr-0.01", "none"]
+    flags = ["--lesion", "callosum", "--trials", 4, *(word for name in names for word in ("--retrain", name))]
+    ok("lesion", RUN, "--no-control", *flags)
+    before = read_results(tmp_path / LESIONS / "lesions.csv")
+    train_further(trained)
+    (command,) = re.findall("`bilateral-rl (.*)`", refused("compare", RUN))
+    ok(*shlex.split(command))
+    after = read_results(tmp_path / LESIONS / "lesions.csv")
+    assert list(dict.fromkeys(after["protocol"])) == names
+    assert after.drop(columns="value").equals(before.drop(columns="value"))
+    ok("compare", RUN, "--retrain", "output-3-epochs-lr-0.01")
+
+
 def test_other_weights_of_the_run_may_change(ok, trained, undrawn):
     ok("lesion", RUN, *FLAGS, "--weights", "best")
     train_further(trained, "final")

@@ -26,9 +26,9 @@ def deviation():
 def make_results():
     """Builder of a table of results from (model, lesion, protocol): values by seed."""
 
-    def make(metric, values, task=REACH):
+    def make(metric, values, task=REACH, network="trained"):
         rows = [
-            (model, task, "bptt", seed, lesion, *treated(protocol), metric.name, value)
+            (model, task, "bptt", seed, lesion, *treated(protocol, network), metric.name, value)
             for (model, lesion, protocol), by_seed in values.items()
             for seed, value in enumerate(by_seed)
         ]

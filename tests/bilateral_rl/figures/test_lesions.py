@@ -28,8 +28,8 @@ def test_each_state_shows_its_values_without_and_with_retraining(make_results, c
     means = artists(axes, "mean")
     assert [mean.get_ydata()[0] for mean in means] == [i + 1 + shift for i in range(8) for shift in (0, 0.5)]
     assert [round(mean.get_xdata()[0]) for mean in means] == [i for i in range(8) for _ in range(2)]
-    filled = [mean.get_markerfacecolor() != "white" for mean in means]
-    assert filled == [False, True] * 8
+    assert len({mean.get_marker() for mean in means[::2]}) == len({mean.get_marker() for mean in means}) / 2 == 1
+    assert len({mean.get_color() for mean in means}) == 2
     for mean, seeds in zip(means, artists(axes, "seeds"), strict=True):
         np.testing.assert_array_equal(seeds.get_ydata(), mean.get_ydata()[0] + np.array([-1, 1]))
         assert seeds.get_xdata().mean() == pytest.approx(mean.get_xdata()[0])
@@ -49,9 +49,49 @@ def test_a_lesion_that_a_model_cannot_have_shows_dashes(make_results, completion
     figure = lesion_effects(make_results(completion, values), "random_reach", completion, ["bi_s", "cc_s"])
     without, with_callosum = figure.axes
     dashes = [text for text in without.texts if text.get_text() == "–"]
-    assert [round(dash.get_position()[0]) for dash in dashes] == [5, 5, 6, 6, 7, 7]
+    assert [dash.get_position()[0] for dash in dashes] == [5, 6, 7]
     assert len(artists(without, "mean")) == 10
     assert not with_callosum.texts
+    assert "–: no value" in figure.get_supxlabel()
+
+
+def test_a_line_across_each_column_is_the_mean_of_fresh_networks(make_results, completion, values, artists):
+    fresh = {key: [10 * values[0], 10 * values[0] + 4] for key, values in values.items()}
+    both = [make_results(completion, values), make_results(completion, fresh, network="fresh")]
+    figure = lesion_effects(pd.concat(both), "random_reach", completion, ["cc_s"])
+    means, controls = (artists(figure.axes[0], gid) for gid in ("mean", "control"))
+    for mean, control in zip(means, controls, strict=True):
+        (((left, y), (right, _)),) = control.get_segments()
+        assert y == 10 * (mean.get_ydata()[0] - 1) + 2
+        assert (left + right) / 2 == pytest.approx(mean.get_xdata()[0])
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()][-1] == "fresh networks, treated alike"
+
+
+def test_many_protocols_go_on_in_a_further_panel(make_results, completion, artists, assert_texts_are_apart):
+    names = ["everything-3-epochs", "everything", "output-lr-0.01", "none", "output", "combination-continued"]
+    table = make_results(
+        completion, {("cc_s", state, name): [i, i + 1] for i, name in enumerate(names) for state in STATES}
+    )
+    figure = lesion_effects(table, "random_reach", completion, ["cc_s"])
+    shown = [artists(axes, "mean")[:3] for axes in figure.axes]
+    assert [mean.get_ydata()[0] - 0.5 for part in shown for mean in part] == [3, 4, 1, 0, 2, 5]
+    assert len({(mean.get_marker(), mean.get_color()) for part in shown for mean in part}) == 6
+    assert [axes.get_title() for axes in figure.axes] == ["CC-S", ""]
+    assert assert_texts_are_apart(figure) > 20
+    chosen = lesion_effects(table, "random_reach", completion, ["cc_s"], ["output", "none"])
+    assert [mean.get_ydata()[0] - 0.5 for mean in artists(chosen.axes[0], "mean")[:2]] == [4, 3]
+
+
+def test_a_network_without_hemispheres_stands_in_the_middle(make_results, completion, artists, assert_texts_are_apart):
+    protocols = ("none", "output", "everything")
+    table = make_results(completion, {("uni_b", "intact", name): [80.0, 90.0] for name in protocols})
+    figure = lesion_effects(table, "random_reach", completion, ["uni_b"])
+    (axes,) = figure.axes
+    places = [mean.get_xdata()[0] for mean in artists(axes, "mean")]
+    assert sum(axes.get_xlim()) == pytest.approx(0)
+    assert max(places) - min(places) < 0.2 * (axes.get_xlim()[1] - axes.get_xlim()[0])
+    assert assert_texts_are_apart(figure) > 5
 
 
 def test_a_line_goes_through_the_intact_mean(make_results, completion, values, artists):

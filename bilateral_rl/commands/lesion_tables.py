@@ -1,0 +1,108 @@
+"""Lesions as tables that fit into the terminal, and what they say in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+
+from bilateral_rl.analysis.depth import deep_minus_shallow
+from bilateral_rl.analysis.formats import decimals_for, fixed, mean_sd, p_value
+from bilateral_rl.analysis.metrics import Metric
+from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
+from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
+from bilateral_rl.figures.labels import with_unit
+from bilateral_rl.policies.lesions import INTACT, lesion_words
+
+_LABEL, _VALUE, _BESIDE = 31, 12, 3
+"""Characters of "Goal completion within 5 cm (%)", of "100.0 ± 10.0", and between columns."""
+
+
+def print_lesions(results: pd.DataFrame, metrics: Sequence[Metric], console: Console) -> None:
+    """Print what networks do after each lesion and protocol, and in words what that says.
+
+    Args:
+        results: long table (:mod:`bilateral_rl.analysis.results`) of one model that learned one task.
+        metrics: what to print; the first one, of which more is better, is what the words are about.
+        console: where to print.
+    """
+    first = results.iloc[0]
+    states = [State(first["task"], first["model"], protocol=name) for name in protocols_in(results)]
+    lesions = list(dict.fromkeys(results["lesion"]))
+    n = max(1, (console.width - _LABEL - _BESIDE - 1) // (_VALUE + _BESIDE))
+    for start in range(0, len(states), n):
+        console.print(_table(results, metrics, lesions, states[start : start + n]))
+    for line in _words(results, metrics[0], [name for name in lesions if name != INTACT], states):
+        indent = len(line) - len(line.lstrip())  # kept where the line goes on
+        console.print(Padding(line.lstrip(), (0, 0, 0, indent), expand=False), highlight=False)
+    differences = deep_minus_shallow(results, metrics[0].name, states)
+    if n_tests := differences["p_holm"].count():
+        console.print(f"[bold]Do deep lesions leave more than shallow ones? {with_unit(metrics[0])}", highlight=False)
+        console.print(_differences_table(differences))
+        console.print(
+            "Intervals: 95 %, by Student's t; g: Hedges' g of the paired differences; p: t tests paired by seed, "
+            f"adjusted by Holm for all {n_tests}.",
+            highlight=False,
+        )
+
+
+def _table(results: pd.DataFrame, metrics: Sequence[Metric], lesions: Sequence[str], states: Sequence[State]) -> Table:
+    """Mean ± standard deviation over the seeds below each metric, a row a lesion, and below it the control's."""
+    table = Table()
+    table.add_column("lesion", width=_LABEL)
+    for state in states:
+        table.add_column(protocol_words(state.protocol), justify="right", width=_VALUE)
+    for metric in metrics:
+        table.add_section()
+        table.add_row(f"[bold]{with_unit(metric)}")
+        for name in lesions:
+            of_lesion = [state.after(name) for state in states]
+            table.add_row(lesion_words(name), *_cells(results, metric, of_lesion))
+            if _has_control(results):
+                controls = [state.control for state in of_lesion]
+                table.add_row("  fresh network", *_cells(results, metric, controls), style="dim")
+    if (seeds := results["seed"].nunique()) > 1:
+        table.caption = f"mean ± standard deviation over {seeds} seeds"
+    return table
+
+
+def _cells(results: pd.DataFrame, metric: Metric, states: Sequence[State]) -> list[str]:
+    return [mean_sd(by_seed(results, metric.name, state), 1) for state in states]
+
+
+def _words(results: pd.DataFrame, metric: Metric, lesions: Sequence[str], states: Sequence[State]) -> Iterator[str]:
+    """What was kept and what was not, and how far the hemispheres have specialized."""
+    if not lesions:
+        return
+    if set(ALONE.values()) <= set(lesions):
+        yield "Specialization index (above 0: the dominant side does more alone):"
+        for state in states:
+            yield f"  {protocol_words(state.protocol)}: {_index(results, metric, state)}"
+
+
+def _index(results: pd.DataFrame, metric: Metric, state: State) -> str:
+    return mean_sd(specialization_by_seed(results, metric.name, state), 3, "+")
+
+
+def _has_control(results: pd.DataFrame) -> bool:
+    return bool((results["network"] == FRESH).any())
+
+
+def _differences_table(differences: pd.DataFrame) -> Table:
+    """Deep minus shallow lesions, a section a protocol and a row a side."""
+    table = Table("deep − shallow")
+    for head in ("difference [95 %]", "g", "p"):
+        table.add_column(head, justify="right", no_wrap=True)
+    decimals = max(decimals_for((differences["high"] - differences["low"]).median() / 2, 2), 1)
+    for protocol, rows in differences.groupby("protocol", sort=False):
+        table.add_section()
+        table.add_row(f"[bold]{protocol_words(str(protocol))}")
+        for row in rows.to_dict("records"):
+            interval = f"[{fixed(row['low'], decimals)}, {fixed(row['high'], decimals)}]"
+            difference = f"{fixed(row['difference'], decimals, '+')} {interval}"
+            side = row["side"].replace("_", "-")
+            table.add_row(side, difference, fixed(row["g"], 2, "+"), p_value(row["p_holm"]))
+    return table
