@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
+from bilateral_rl.analysis.floor import AT_FLOOR, is_above
+from bilateral_rl.analysis.results import FRESH, TRAINED
 from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.figures.curves import PREFERRED, PROGRESS, carried_forward, interval_over_seeds
 from bilateral_rl.figures.hemispheres import DOMINANT_STYLE, NON_DOMINANT_STYLE
@@ -36,8 +41,9 @@ _PROGRESS = "timesteps"
 def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     """Draw what each hemisphere does alone as its network learns, and the specialization index, a column a model.
 
-    The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`. Means over the seeds, as in
-    :func:`~bilateral_rl.figures.curves.learning_curves`.
+    The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`, but none where neither
+    hemisphere does better than the control's (:func:`bilateral_rl.analysis.floor.is_above`). Means over the seeds, as
+    in :func:`~bilateral_rl.figures.curves.learning_curves`.
 
     Args:
         probes: tables of :func:`bilateral_rl.training.lesion_probe.read_probes`, with each seed of a model once and at
@@ -48,14 +54,18 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     figure = new_figure(5.2)
     above, below = figure.subplots(2, len(models), sharex=True, sharey="row", squeeze=False)
     for i, model in enumerate(models):
-        rows = probes[probes["model"] == model]
+        rows = probes[(probes["model"] == model) & (probes["network"] == TRAINED)]
+        control = probes[(probes["model"] == model) & (probes["network"] == FRESH)]
         values = {lesion: carried_forward(rows[rows["lesion"] == lesion], measure.name, _PROGRESS)
                   for lesion in _LESIONS}  # fmt: skip
         for lesion, (words, style) in _LESIONS.items():
             _draw(above[i], values[lesion], style, words)
         dominant, non_dominant = (values[lesion] for lesion in ALONE.values())
         index = pd.DataFrame(specialization_index(dominant, non_dominant), dominant.index)
-        _draw(below[i], index, _INDEX_STYLE, "index")
+        floor = _at_floor(values, {lesion: control[control["lesion"] == lesion].set_index("seed")[measure.name]
+                                   for lesion in ALONE.values()})  # fmt: skip
+        _draw(below[i], index.mask(floor, axis=0), _INDEX_STYLE, "index")
+        _mark_floor(below[i], floor)
         below[i].axhline(0, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
         style_axes(above[i], y_label=axis_label(measure) * (i == 0), title=model_label(model))
         style_axes(below[i], PROGRESS[_PROGRESS], "Specialization index\n← non-dominant · dominant →" * (i == 0))
@@ -68,6 +78,31 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     meaning = "Index: (d − n) / (d + n); d, n: value with the dominant, the non-dominant hemisphere alone."
     set_note(figure, f"{meaning}\n{_seeds_in_words(probes)}")
     return figure
+
+
+def _at_floor(values: Mapping[str, pd.DataFrame], control: Mapping[str, pd.Series]) -> pd.Series:
+    """Return at which points of progress neither hemisphere alone does better than the control's."""
+    intact = values[INTACT]
+    above = []
+    for lesion in ALONE.values():
+        fresh, rows = control[lesion].reindex(intact.columns), values[lesion].reindex(intact.index)
+        above.append(
+            [is_above(row, fresh, whole) for row, whole in zip(rows.to_numpy(), intact.to_numpy(), strict=True)]
+        )
+    return pd.Series([one is False and other is False for one, other in zip(*above, strict=True)], intact.index)
+
+
+def _mark_floor(axes: Axes, floor: pd.Series) -> None:
+    """Say where there is no index, from half way to the point before to half way to the next."""
+    steps = floor.index.to_numpy(dtype=np.float64)
+    if not floor.any() or len(steps) < 2:
+        return
+    middles = (steps[1:] + steps[:-1]) / 2
+    left, right = np.append(steps[0], middles), np.append(middles, steps[-1])
+    for low, high in zip(left[floor.to_numpy()], right[floor.to_numpy()], strict=True):
+        axes.axvspan(low, high, color=INK, alpha=0.12, linewidth=0, gid="floor")
+    middle = float(np.mean([left[floor.to_numpy()].min(), right[floor.to_numpy()].max()]))
+    axes.text(middle, -0.9, AT_FLOOR, ha="center", va="bottom", fontsize=8, color=INK)
 
 
 def _draw(axes: Axes, values: pd.DataFrame, style: ModelStyle, label: str) -> None:

@@ -10,22 +10,26 @@ import pandas as pd
 from stable_baselines3.common.logger import Figure as LoggedFigure
 from stable_baselines3.common.logger import TensorBoardOutputFormat
 
+from bilateral_rl.analysis.floor import AT_FLOOR, is_above
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
+from bilateral_rl.analysis.results import FRESH, NETWORKS, TRAINED
 from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.io.csv_tables import read_table
+from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.io.csv_tables import column_names, read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.callbacks import BetweenIterations
+from bilateral_rl.training.fresh_networks import fresh_copy
 from bilateral_rl.training.schedule import Schedule
 
 PROBE = "lesion_probe.csv"
-"""File in a run's folder with a row a step and state, and a column a measure."""
+"""File in a run's folder with a row a step and state, the control's first, and a column a measure."""
 FIGURE = "specialization_over_training"
 MEASURES = (
     "goal_completion_percent", "speed_to_goal_cm_per_step", "time_in_goal_steps", "final_error_cm",
@@ -33,7 +37,11 @@ MEASURES = (
 )  # fmt: skip
 """Measures of :meth:`TrialRecord.summary` that are kept."""
 
-_KINDS: dict[str, type] = {"timesteps": int, "lesion": str} | dict.fromkeys(MEASURES, float)
+_OLD_KINDS: dict[str, type] = {"timesteps": int, "lesion": str} | dict.fromkeys(MEASURES, float)
+"""Columns of version 0.1.0, which had no control."""
+_KINDS = {"network": str, **_OLD_KINDS}
+_JUDGED = {"goal_completion": "goal_completion_percent", "time_in_goal": "time_in_goal_steps"}
+"""The measure by which a task is judged."""
 _STATES_NEEDED = {INTACT, *ALONE.values()}
 """States that every step must have, whatever the network."""
 
@@ -45,7 +53,9 @@ class LesionProbe(BetweenIterations):
     stream of the training is touched: it goes as it would without. Every measure is logged as
     ``lesions_<measure>/<state>``, and the specialization index
     (:func:`~bilateral_rl.analysis.specialization.specialization_index`) as ``specialization/<metric>``; tensorboard's
-    custom scalars show the states of a measure in one chart.
+    custom scalars show the states of a measure in one chart. The control, a freshly initialized network of the same
+    kind, is tested once, at the start. Where neither side alone does better than it
+    (:func:`~bilateral_rl.analysis.floor.is_above`), the index means nothing: then it is "at the floor".
 
     Args:
         task: which task.
@@ -83,11 +93,14 @@ class LesionProbe(BetweenIterations):
         self._evaluator = Evaluator(task, settings, trials, seed, device)
         self._task, self._threshold, self._name = task, settings.threshold, name
         self._path = None if folder is None else Path(folder) / PROBE
-        self._table = pd.DataFrame()
+        self._table = pd.DataFrame(columns=list(_KINDS))
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a step and state: ``timesteps``, ``lesion``, and the measures."""
+        """A row a step and state: ``network``, ``timesteps``, ``lesion``, and the measures.
+
+        ``network`` is "trained", or, in the first rows, "fresh" for the control.
+        """
         return self._table
 
     def _init_callback(self) -> None:
@@ -100,28 +113,52 @@ class LesionProbe(BetweenIterations):
     def _on_training_start(self) -> None:
         super()._on_training_start()
         self._table = self._past()
-        if self._table.empty:
+        if not self._is(TRAINED).any():
             self._schedule = Schedule(self._every, self.num_timesteps, at_once=True)
+        if not self._is(FRESH).any():
+            self._table = pd.concat([self._control(), *([self._table] if len(self._table) else [])], ignore_index=True)
         self._show_charts()
 
     def _on_training_end(self) -> None:
-        if self._table.empty or self._table["timesteps"].iloc[-1] != self.num_timesteps:
+        if self._table.loc[self._is(TRAINED), "timesteps"].max() != self.num_timesteps:
             self.act()
         if self._path is not None:
             self._draw(self._path.with_name(FIGURE))
 
     def act(self) -> None:
         """Test every state now."""
+        records = self._tested()
+        rows = self._rows(records, TRAINED, self.num_timesteps)
+        self._table = pd.concat([self._table, rows], ignore_index=True)
+        self._write()
+        self._log(rows.set_index("lesion"), [self._metric.value(records[lesion]) for lesion in ALONE.values()])
+
+    def _tested(self) -> dict[str, TrialRecord]:
+        """The trials of every state of the policy as it is."""
         records: dict[str, TrialRecord] = {}
         for state in self._states:
             with self._policy.motor_network.lesioned(state):
                 records[state] = self._evaluator.run(self._policy)
+        return records
+
+    def _rows(self, records: Mapping[str, TrialRecord], network: str, timesteps: int) -> pd.DataFrame:
         measures = {state: record.summary(self._threshold) for state, record in records.items()}
         rows = pd.DataFrame.from_dict(measures, orient="index", columns=list(MEASURES)).rename_axis("lesion")
-        tables = [self._table, rows.reset_index().assign(timesteps=self.num_timesteps)[list(_KINDS)]]
-        self._table = pd.concat([table for table in tables if len(table)], ignore_index=True)
-        self._write()
-        self._log(measures, [self._metric.value(records[lesion]) for lesion in ALONE.values()])
+        return rows.reset_index().assign(network=network, timesteps=timesteps)[list(_KINDS)]
+
+    def _control(self) -> pd.DataFrame:
+        """The rows of a fresh network, which takes the place of the policy's for as long as it is tested."""
+        network = self._policy.motor_network
+        present = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
+        network.load_state_dict(fresh_copy(network, self.model.seed or 0))
+        try:
+            return self._rows(self._tested(), FRESH, 0)
+        finally:
+            network.load_state_dict(present)
+
+    def _is(self, network: str) -> pd.Series:
+        """Which rows of the table are of these networks."""
+        return self._table["network"] == network
 
     @property
     def _policy(self) -> MotorPolicy:
@@ -132,7 +169,7 @@ class LesionProbe(BetweenIterations):
     def _past(self) -> pd.DataFrame:
         """Return the rows of the steps so far; those after a saved state are made again."""
         if not self.num_timesteps:
-            return pd.DataFrame()
+            return pd.DataFrame(columns=list(_KINDS))
         table = self._table
         if self._path is not None and self._path.exists():
             try:
@@ -147,12 +184,22 @@ class LesionProbe(BetweenIterations):
             with replacing(self._path) as temporary:
                 self._table.to_csv(temporary, index=False, float_format="%.6g")
 
-    def _log(self, measures: Mapping[str, Mapping[str, float]], alone: list[float]) -> None:
-        for state, values in measures.items():
+    def _log(self, rows: pd.DataFrame, alone: list[float]) -> None:
+        for state in self._states:
             for name in MEASURES:
-                self.logger.record(f"lesions_{name}/{state}", values[name], exclude="stdout")
-        self.logger.record(f"specialization/{self._metric.name}", float(specialization_index(*alone)))
+                self.logger.record(f"lesions_{name}/{state}", rows.loc[state, name], exclude="stdout")
+        index = f"specialization/{self._metric.name}"
+        if self._is_at_floor(rows):
+            self.logger.record(index, AT_FLOOR, exclude=("tensorboard", "csv"))
+        else:
+            self.logger.record(index, float(specialization_index(*alone)))
         self.logger.dump(self.num_timesteps)
+
+    def _is_at_floor(self, rows: pd.DataFrame) -> bool:
+        """Whether neither side alone does better than the control's."""
+        measure = _JUDGED[TASK_SPECS[self._task].judged_by]
+        now, fresh = rows[measure], self._table[self._is(FRESH)].set_index("lesion")[measure]
+        return all(is_above(now[[side]], fresh[[side]], now[[INTACT]]) is False for side in ALONE.values())
 
     def _show_charts(self) -> None:
         """Have tensorboard's custom scalars show the states of each measure in one chart."""
@@ -194,17 +241,21 @@ def probe_of_run(config: RLConfig, folder: RunFolder) -> LesionProbe | None:
 
 
 def read_probe(path: Path) -> pd.DataFrame:
-    """Read the table in a ``lesion_probe.csv``, which may be somebody else's.
+    """Read the table in a ``lesion_probe.csv``, which may be somebody else's; those of version 0.1.0 have no control.
 
     Raises:
         FileNotFoundError: it is not there.
         UserError: it is damaged.
     """
-    table = read_table(path, _KINDS)
-    states = table.groupby("timesteps")["lesion"].agg(frozenset)
-    if table.duplicated(["timesteps", "lesion"]).any() or any(_STATES_NEEDED - of_one for of_one in states):
+    old = "network" not in column_names(path)
+    table = read_table(path, _OLD_KINDS).assign(network=TRAINED) if old else read_table(path, _KINDS)
+    at = ["network", "timesteps"]
+    states = table.groupby(at)["lesion"].agg(frozenset)
+    fresh = table.loc[table["network"] == FRESH, "timesteps"]
+    wrong = bool(set(table["network"]) - {*NETWORKS}) or bool(set(fresh) - {0})
+    if wrong or table.duplicated([*at, "lesion"]).any() or any(_STATES_NEEDED - of_one for of_one in states):
         raise UserError(f"{path} is damaged: it must have each state once at each step.")
-    return table
+    return table[list(_KINDS)]
 
 
 def read_probes(runs: Iterable[RunFolder]) -> pd.DataFrame:

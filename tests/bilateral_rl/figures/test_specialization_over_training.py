@@ -8,16 +8,17 @@ from bilateral_rl.policies.lesions import LESIONS
 STEPS = [0, 500_000, 1_000_000]
 
 
-def probes(dominant, non_dominant, model="cc_s", measure="goal_completion_percent"):
+def probes(dominant, non_dominant, model="cc_s", measure="goal_completion_percent", control=-1000.0):
     """Rows of seeds, a list of values at each step: what each side does alone; every other state gives 77."""
     alone = {"deep_non_dominant": dominant, "deep_dominant": non_dominant}
     rows = [
-        (model, seed, step, state, alone[state][seed][i] if state in alone else 77.0)
+        (model, seed, "trained", step, state, alone[state][seed][i] if state in alone else 77.0)
         for seed in range(len(dominant))
         for i, step in enumerate(STEPS)
         for state in ("intact", *LESIONS)
     ]
-    return pd.DataFrame(rows, columns=["model", "seed", "timesteps", "lesion", measure])
+    rows += [(model, seed, "fresh", 0, state, control) for seed in range(len(dominant)) for state in alone]
+    return pd.DataFrame(rows, columns=["model", "seed", "network", "timesteps", "lesion", measure])
 
 
 def lines(figure, artists):
@@ -27,7 +28,8 @@ def lines(figure, artists):
 
 
 def test_each_hemisphere_alone_the_intact_network_and_the_index_over_the_steps(artists):
-    figure = specialization_over_training(probes([[10, 30, 90]], [[10, 10, 30]]), "random_reach")
+    table = probes([[10, 30, 90]], [[10, 10, 30]])
+    figure = specialization_over_training(table, "random_reach")
     shown = lines(figure, artists)
     for name, values in {
         "intact": [77, 77, 77],
@@ -95,3 +97,17 @@ def test_the_lines_differ_without_color(artists):
     states = [shown[name] for name in ("intact", "dominant alone", "non-dominant alone")]
     assert len({line.get_marker() for line in states}) == 3
     assert len({str(line.get_linestyle()) + str(line._unscaled_dash_pattern) for line in states}) == 3
+
+
+def test_where_neither_hemisphere_does_better_than_a_fresh_network_there_is_no_index(artists, assert_texts_are_apart):
+    table = probes([[10, 12, 90], [11, 9, 80]], [[10, 11, 10], [9, 12, 10]], control=10.0)
+    figure = specialization_over_training(table, "random_reach")
+    index = lines(figure, artists)["index"].get_ydata()
+    assert np.isnan(index).tolist() == [True, True, False]
+    spans = artists(figure.axes[1], "floor")
+    assert [span.get_x() for span in spans] == [0, 250_000]
+    assert [span.get_x() + span.get_width() for span in spans] == [250_000, 750_000]
+    assert [text.get_text() for text in figure.axes[1].texts] == ["at the floor"]
+    assert assert_texts_are_apart(figure) > 10
+    shown = lines(specialization_over_training(table[table["network"] == "trained"], "random_reach"), artists)
+    assert np.isfinite(shown["index"].get_ydata()).all()  # of version 0.1.0: nobody knows the floor

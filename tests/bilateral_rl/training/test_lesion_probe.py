@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import torch
 from stable_baselines3 import A2C, PPO
+from stable_baselines3.common.logger import Logger
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.custom_scalar import layout_pb2
 
@@ -18,12 +19,14 @@ from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.figures.specialization_over_training import specialization_over_training
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.drawing import draw_study
+from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.lesion_probe import FIGURE, PROBE, LesionProbe, read_probe, read_probes
 from bilateral_rl.training.progress import Progress
 from bilateral_rl.training.run import resume, train
@@ -45,7 +48,12 @@ def config_with(**values):
 
 
 def steps(table):
-    return table.loc[table["lesion"] == "intact", "timesteps"].tolist()
+    return table.loc[(table["lesion"] == "intact") & (table["network"] == "trained"), "timesteps"].tolist()
+
+
+def trained(table):
+    """Its rows but for the control's."""
+    return table[table["network"] == "trained"].drop(columns="network").reset_index(drop=True)
 
 
 @pytest.fixture(scope="module")
@@ -84,13 +92,15 @@ def empty_figures(monkeypatch):
 
 def test_every_state_is_tested_at_the_start_after_every_k_steps_and_at_the_end(probed):
     table = read_probe(probed.path / PROBE)
-    assert list(zip(table["timesteps"], table["lesion"], strict=True)) == [
-        (step, state) for step in (0, 2_000, 4_000) for state in STATES
+    assert list(zip(table["network"], table["timesteps"], table["lesion"], strict=True)) == [
+        (network, step, state)
+        for network, step in (("fresh", 0), ("trained", 0), ("trained", 2_000), ("trained", 4_000))
+        for state in STATES
     ]
 
 
 def test_the_intact_network_does_what_the_evaluations_say(probed):
-    intact = read_probe(probed.path / PROBE).query("lesion == 'intact'").drop(columns="lesion")
+    intact = trained(read_probe(probed.path / PROBE)).query("lesion == 'intact'").drop(columns="lesion")
     evaluations = pd.read_csv(probed.path / "evaluations.csv")[list(intact)]
     pd.testing.assert_frame_equal(intact.reset_index(drop=True), evaluations, check_dtype=False)
 
@@ -99,7 +109,12 @@ def test_each_row_is_what_the_network_does_after_that_lesion(probed):
     config = probed.config()
     policy = load_policy(probed)
     evaluator = Evaluator(config.task, config.trial, config.evaluation.trials, config.evaluation.seed)
-    rows = read_probe(probed.path / PROBE).query("timesteps == 4000").set_index("lesion").drop(columns="timesteps")
+    rows = (
+        trained(read_probe(probed.path / PROBE))
+        .query("timesteps == 4000")
+        .set_index("lesion")
+        .drop(columns="timesteps")
+    )
     for state, row in rows.iterrows():
         with policy.motor_network.lesioned(state):
             expected = evaluator.run(policy).summary(config.trial.threshold)
@@ -128,7 +143,7 @@ def test_a_probed_off_policy_training_ends_with_the_same_bits_too(tmp_path, empt
 def test_tensorboard_shows_each_state_and_the_specialization_index(probed):
     events = EventAccumulator(str(probed.path), size_guidance={"images": 0, "tensors": 0})
     events.Reload()
-    table = read_probe(probed.path / PROBE).set_index(["timesteps", "lesion"])
+    table = trained(read_probe(probed.path / PROBE)).set_index(["timesteps", "lesion"])
     for state in STATES:
         for measure in table:
             shown = [(event.step, event.value) for event in events.Scalars(f"lesions_{measure}/{state}")]
@@ -184,7 +199,8 @@ def test_a_stopped_and_resumed_training_has_the_rows_of_one_that_never_stopped(p
 
 def test_rows_after_the_state_that_a_training_goes_on_from_are_made_again(probed, empty_figures):
     table = read_probe(probed.path / PROBE)
-    later = table.assign(timesteps=table["timesteps"] + 4_001)
+    later = table[table["network"] == "trained"]
+    later = later.assign(timesteps=later["timesteps"] + 4_001)
     pd.concat([table, later]).to_csv(probed.path / PROBE, index=False)
     resume(probed, config_with(timesteps=6_000))
     resumed = read_probe(probed.path / PROBE)
@@ -213,7 +229,7 @@ def test_tables_of_runs_come_with_model_and_seed_and_those_without_are_left_out(
     table = read_probes([probed, run])
     assert set(table["model"]) == {"cc_s"}
     assert set(table["seed"]) == {0}
-    assert len(table) == 3 * len(STATES)
+    assert len(table) == 4 * len(STATES)
     assert read_probes([run]).empty
     with pytest.raises(UserError, match="seed 0 of cc_s once more"):
         read_probes([probed, probed])
@@ -243,7 +259,7 @@ def test_a_stock_algorithm_is_probed_without_a_folder(make_model):
     model = make_model(algorithm=A2C)
     model.learn(400, callback=probe)
     bilateral = [name for name in STATES if "callosum" not in name]
-    assert probe.table["lesion"].tolist() == 3 * bilateral
+    assert probe.table["lesion"].tolist() == 4 * bilateral
     assert model.policy.motor_network.lesion == LESIONS.get("intact", model.policy.motor_network.lesion)
 
 
@@ -296,3 +312,69 @@ def test_a_figure_that_cannot_be_written_does_not_end_the_training(make_model, t
     with pytest.warns(UserWarning, match="Cannot write the figure"):
         make_model().learn(200, callback=LesionProbe("hold_position", trials=2, folder=tmp_path))
     assert steps(read_probe(tmp_path / PROBE)) == [0, 200]
+
+
+# --- the control ----------------------------------------------------------------------------------------------------
+
+
+def test_the_control_is_the_fresh_network_of_the_seed_that_lesion_studies_compare_with(probed):
+    config = probed.config()
+    policy = load_policy(probed)
+    policy.motor_network.load_state_dict(fresh_network(config, config.seed))
+    evaluator = Evaluator(config.task, config.trial, config.evaluation.trials, config.evaluation.seed)
+    control = read_probe(probed.path / PROBE).query("network == 'fresh'").set_index("lesion")
+    for state, row in control.drop(columns=["network", "timesteps"]).iterrows():
+        with policy.motor_network.lesioned(state):
+            expected = evaluator.run(policy).summary(config.trial.threshold)
+        assert row.to_dict() == pytest.approx(expected, rel=1e-5, nan_ok=True)
+
+
+def as_of_0_1_0(path):
+    table = pd.read_csv(path)
+    table[table["network"] == "trained"].drop(columns="network").to_csv(path, index=False)
+    return table
+
+
+def test_a_table_of_version_0_1_0_is_read_and_gets_its_control_when_the_training_goes_on(probed, empty_figures):
+    table = as_of_0_1_0(probed.path / PROBE)
+    old = read_probe(probed.path / PROBE)
+    assert set(old["network"]) == {"trained"}
+    assert len(old) == 3 * len(STATES)
+    assert specialization_over_training(old.assign(model="cc_s", seed=0), "hold_position") is not None
+    resume(probed, config_with(timesteps=6_000))
+    resumed = read_probe(probed.path / PROBE)
+    assert steps(resumed) == [0, 2_000, 4_000, 6_000]
+    pd.testing.assert_frame_equal(resumed[: len(table)], table, check_dtype=False)
+
+
+def test_where_neither_side_does_better_than_the_control_the_index_is_at_the_floor(make_model, monkeypatch):
+    model, logged = make_model(), []
+    probe = LesionProbe("hold_position", every=100, trials=4)
+    real = probe._rows
+
+    def made_up(records, network, timesteps):
+        rows = real(records, network, timesteps)
+        side = 30.0 if timesteps >= 400 else 5.0
+        values = {"intact": 45.0, "deep_dominant": side, "deep_non_dominant": 5.0}
+        return rows.assign(time_in_goal_steps=[values.get(lesion, 1.0) for lesion in rows["lesion"]])
+
+    monkeypatch.setattr(probe, "_rows", made_up)
+    model.set_logger(logger := Logger(None, []))
+    monkeypatch.setattr(logger, "record", lambda name, value, exclude=None: logged.append((name, value, exclude)))
+    model.learn(400, callback=probe)
+    index = [(value, exclude) for name, value, exclude in logged if name == "specialization/time_in_goal_5cm"]
+    assert [value == "at the floor" for value, _ in index] == [True, True, False]
+    assert index[0][1] == ("tensorboard", "csv")
+    assert isinstance(index[-1][0], float)
+
+
+def test_a_table_whose_control_is_damaged_is_refused(probed):
+    table = pd.read_csv(probed.path / PROBE)
+    for damaged in (
+        table.replace({"network": {"fresh": "young"}}),
+        table.assign(timesteps=table["timesteps"] + (table["network"] == "fresh")),
+        table[1:],
+    ):
+        damaged.to_csv(probed.path / PROBE, index=False)
+        with pytest.raises(UserError, match="is damaged"):
+            read_probe(probed.path / PROBE)
