@@ -22,7 +22,7 @@ from bilateral_rl.io.files import replacing
 from bilateral_rl.runs.versions import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
-from bilateral_rl.study.tables import ReportTable
+from bilateral_rl.study.report_table import ReportTable
 
 LOG_LINES, LOG_BYTES = 25, 2**16
 """Largest part of a log that is shown, from its end."""

@@ -16,7 +16,8 @@ from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import results_of, runs_of
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.report import Findings, Picture, write_report
-from bilateral_rl.study.tables import ReportTable, study_tables
+from bilateral_rl.study.report_table import ReportTable
+from bilateral_rl.study.tables import study_tables
 
 REPORT, RESULTS, CLAIMS = "report.html", "results.csv", "claims.csv"
 

@@ -15,7 +15,7 @@ from bilateral_rl.runs.folder import versions
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.report import LOG_LINES, Findings, Picture, counts_of, write_report
-from bilateral_rl.study.tables import ReportTable
+from bilateral_rl.study.report_table import ReportTable
 
 VOID = {"meta", "img", "br"}
 BAD = "<script>alert('1 < 2 & \"so\"')</script>"

@@ -1,0 +1,157 @@
+"""Lesions in numbers: every protocol beside its control, deep against shallow lesions, and specialization."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import pandas as pd
+
+from bilateral_rl.analysis.comparison import compare_lesions
+from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
+from bilateral_rl.analysis.formats import fixed, mean_sd, number, p_value
+from bilateral_rl.analysis.intervals import Interval, difference_interval, mean_interval
+from bilateral_rl.analysis.metrics import Metric
+from bilateral_rl.analysis.results import State, by_seed, protocol_words, protocols_in
+from bilateral_rl.analysis.samples import align
+from bilateral_rl.analysis.specialization import specialization_by_seed
+from bilateral_rl.analysis.statistics import holm, paired_test
+from bilateral_rl.figures.labels import model_label, task_label, with_unit
+from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
+from bilateral_rl.study.report_table import ReportTable
+from bilateral_rl.vocabulary import SIDES
+
+_MARK = "†"
+_LESIONS_NOTE = (
+    "Mean ± standard deviation over the seeds. Fresh: the same done to a freshly initialized network, the control. "
+    "p: against the intact network that was treated alike, paired t test, Holm over all pairs of a model's lesions. "
+    f"{_MARK}: not better than the control, so that what is seen was relearned, not kept."
+)
+_DEPTH_NOTE = (
+    "What a deep lesion leaves more than a shallow one of the same side, with its 95 % interval, paired by seed; p of "
+    "the paired t test after Holm over a column. C6 says that shallow lesions hurt more: above 0."
+)
+_INDEX_NOTE = (
+    "(dominant − non-dominant) / (dominant + non-dominant) of what each hemisphere does alone, 95 % interval. At the "
+    "floor: neither does better alone than in a fresh network that was treated alike, and the index means nothing."
+)
+
+
+def lesion_tables(results: pd.DataFrame, metrics: Mapping[str, Metric], models: Sequence[str]) -> Iterator[ReportTable]:
+    """Make the tables on lesions.
+
+    Args:
+        results: the long table (:mod:`bilateral_rl.analysis.results`).
+        metrics: the metric by which each task is judged, by the task; of each, more is better.
+        models: models with two hemispheres, of any of the tasks.
+    """
+    results = results[results["metric"].isin([metric.name for metric in metrics.values()])]
+    present = {task: _present(results, task, models) for task in metrics}
+    for task, metric in metrics.items():
+        if present[task]:
+            yield _lesions_table(results, task, metric, present[task])
+            yield _specialization_table(results, task, metric, present[task])
+    if any(present.values()):
+        yield _depth_table(results, metrics, present)
+
+
+def _present(results: pd.DataFrame, task: str, models: Sequence[str]) -> list[str]:
+    there = set(results.loc[results["task"] == task, "model"])
+    return [model for model in models if model in there]
+
+
+def _lesions_table(results: pd.DataFrame, task: str, metric: Metric, models: Sequence[str]) -> ReportTable:
+    protocols, results = protocols_in(results), results[results["task"] == task]
+    columns = [""]
+    for protocol in protocols:
+        columns += [protocol_words(protocol), f"fresh, {protocol_words(protocol)}", "p"]
+    rows, relearned = [], []
+    for model in models:
+        lesions = set(results.loc[results["model"] == model, "lesion"])
+        states = {protocol: State(task, model, protocol=protocol) for protocol in protocols}
+        p_values = {protocol: _against_intact(results, metric, state) for protocol, state in states.items()}
+        for lesion in (name for name in (INTACT, *LESIONS) if name in lesions):
+            row = [f"{model_label(model)}, {lesion_words(lesion)}"]
+            for protocol, state in states.items():
+                row += _cells(results, metric, state.after(lesion))
+                row.append(p_value(p_values[protocol].get(lesion, math.nan)))
+            rows.append(row)
+        relearned += [_relearned(results, metric, state) for state in states.values()]
+    note = "\n".join([_LESIONS_NOTE, *filter(None, relearned)])
+    return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {with_unit(metric)}", columns, rows, note)
+
+
+def _cells(results: pd.DataFrame, metric: Metric, state: State) -> list[str]:
+    """What networks do in a state, marked where that is no more than the control does, and the control."""
+    own, control = (mean_sd(by_seed(results, metric.name, each)) for each in (state, state.control))
+    return [f"{own} {_MARK}" if above_control(results, metric.name, state) is False else own, control]
+
+
+def _relearned(results: pd.DataFrame, metric: Metric, state: State) -> str:
+    """Say in a sentence after which lesions nothing was kept; "" if after none."""
+    floored = [name for name in LESIONS if above_control(results, metric.name, state.after(name)) is False]
+    if not floored:
+        return ""
+    words = "; ".join(map(lesion_words, floored))
+    what = "nothing was kept" if state.protocol == "none" else "relearned, not kept"
+    return f"{model_label(state.model)}, {protocol_words(state.protocol)}: {what} after {words} lesions."
+
+
+def _against_intact(results: pd.DataFrame, metric: Metric, intact: State) -> dict[str, float]:
+    """p-value of each lesion against the intact network."""
+    rows = results
+    for column in ("metric", "model", "task", "protocol", "network"):
+        wanted = metric.name if column == "metric" else getattr(intact, column)
+        rows = rows[rows[column] == wanted]
+    if INTACT not in set(rows["lesion"]) or rows["lesion"].nunique() < 2:
+        return {}
+    pairs = compare_lesions(results, metric.name, intact).pairs
+    pairs = pairs[pairs["first"] == INTACT]
+    return dict(zip(pairs["second"], pairs["p_holm"], strict=True))
+
+
+def _depth_table(
+    results: pd.DataFrame, metrics: Mapping[str, Metric], present: Mapping[str, Sequence[str]]
+) -> ReportTable:
+    protocols = protocols_in(results)
+    places = [(task, model, side) for task in metrics for model in present[task] for side in SIDES]
+    rows = [
+        [f"{task_label(task)}, {model_label(model)}, {side.replace('_', '-')} ({metrics[task].unit})"]
+        for task, model, side in places
+    ]
+    columns = [""]
+    for protocol in protocols:
+        columns += [protocol_words(protocol), "p"]
+        pairs = []
+        for task, model, side in places:
+            state = State(task, model, protocol=protocol)
+            deep, shallow = (state.after(f"{depth}_{side}") for depth in ("deep", "shallow"))
+            pairs.append(align(*(by_seed(results, metrics[task].name, each) for each in (deep, shallow))))
+        adjusted = holm([paired_test(*pair).p for pair in pairs])
+        for row, pair, p in zip(rows, pairs, adjusted, strict=True):
+            row += [_interval(difference_interval(*pair, paired=True), "+"), p_value(p)]
+    return ReportTable("deep_minus_shallow", "Deep minus shallow lesions", columns, rows, _DEPTH_NOTE)
+
+
+def _specialization_table(results: pd.DataFrame, task: str, metric: Metric, models: Sequence[str]) -> ReportTable:
+    protocols = protocols_in(results)
+    rows = [
+        [model_label(model), *(_index(results, metric, State(task, model, protocol=name)) for name in protocols)]
+        for model in models
+    ]
+    title = f"{task_label(task)}: specialization index, {with_unit(metric)}"
+    return ReportTable(f"specialization_{task}", title, ["", *map(protocol_words, protocols)], rows, _INDEX_NOTE)
+
+
+def _index(results: pd.DataFrame, metric: Metric, state: State) -> str:
+    if at_floor(results, metric.name, state):
+        return AT_FLOOR
+    return _interval(mean_interval(specialization_by_seed(results, metric.name, state)), "+", 3)
+
+
+def _interval(interval: Interval, sign: str = "", decimals: int | None = None) -> str:
+    """An estimate and its bounds; a dash where there is none."""
+    if math.isnan(interval.value):
+        return "–"
+    value = number(interval.value, sign) if decimals is None else fixed(interval.value, decimals, sign)
+    return value if math.isnan(interval.low) else f"{value} ({number(interval.low)} to {number(interval.high)})"
