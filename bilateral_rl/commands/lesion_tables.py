@@ -10,6 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from bilateral_rl.analysis.depth import deep_minus_shallow
+from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
 from bilateral_rl.analysis.formats import decimals_for, fixed, mean_sd, p_value
 from bilateral_rl.analysis.metrics import Metric
 from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
@@ -77,13 +78,29 @@ def _words(results: pd.DataFrame, metric: Metric, lesions: Sequence[str], states
     """What was kept and what was not, and how far the hemispheres have specialized."""
     if not lesions:
         return
+    if _has_control(results):
+        yield f"No better than fresh networks that were treated alike (relearned, not kept), by {metric.label.lower()}:"
+        for state in states:
+            floored = [name for name in lesions if above_control(results, metric.name, state.after(name)) is False]
+            yield f"  {protocol_words(state.protocol)}: {_listed(floored, lesions)}"
     if set(ALONE.values()) <= set(lesions):
         yield "Specialization index (above 0: the dominant side does more alone):"
         for state in states:
             yield f"  {protocol_words(state.protocol)}: {_index(results, metric, state)}"
 
 
+def _listed(names: Sequence[str], all_names: Sequence[str]) -> str:
+    if len(names) == len(all_names):
+        return "every lesion"
+    rest = [name for name in all_names if name not in names]
+    if len(rest) == 1:
+        return f"all but {lesion_words(rest[0])}"
+    return "; ".join(map(lesion_words, names)) or "no lesion"
+
+
 def _index(results: pd.DataFrame, metric: Metric, state: State) -> str:
+    if at_floor(results, metric.name, state):
+        return AT_FLOOR
     return mean_sd(specialization_by_seed(results, metric.name, state), 3, "+")
 
 

@@ -66,10 +66,25 @@ def test_protocols_are_columns_and_the_control_is_a_line_beneath_each_lesion(out
     assert "mean ± standard deviation over 5 seeds" in out
 
 
+def test_states_that_are_no_better_than_the_control_are_named_by_protocol(out):
+    text = words(out)
+    assert "No better than fresh networks that were treated alike (relearned, not kept)" in text
+    assert "without retraining: every lesion" in text
+    assert "everything retrained: shallow non-dominant" in text
+
+
+def test_few_exceptions_are_said_as_such():
+    lost = dict.fromkeys((SHALLOW, DEEP, OTHER_SHALLOW, OTHER_DEEP), FRESH)
+    assert "everything retrained: all but callosum" in words(printed(results({"everything": MOST_KEPT | lost})))
+    kept = {OTHER_SHALLOW: MOST_KEPT[SHALLOW]}
+    assert "everything retrained: no lesion" in words(printed(results({"everything": MOST_KEPT | kept})))
+
+
 def test_the_index_of_hemispheres_at_the_floor_is_not_shown(out):
     d, n = (np.array(MOST_KEPT[lesion]) for lesion in (OTHER_DEEP, DEEP))
     index = (d - n) / (d + n)
     text = words(out)
+    assert "without retraining: at the floor" in text
     assert f"everything retrained: {index.mean():.3f} ± {index.std(ddof=1):.3f}" in text
 
 

@@ -142,6 +142,22 @@ def test_the_index_after_retraining_is_of_the_retrained_values(make_results, com
     assert figure.legends[0].get_title().get_text().endswith("output layer retrained")
 
 
+def test_hemispheres_at_the_floor_have_no_index(make_results, completion, artists, assert_texts_are_apart):
+    lesions = deep_lesions([30, 31, 33], [20, 22, 21]) | deep_lesions([7, 5, 6], [4, 8, 5], protocol="output")
+    fresh = {key: [5, 7, 6] for key in lesions}
+    both = pd.concat([make_results(completion, lesions), make_results(completion, fresh, network="fresh")])
+    kept, relearned = (
+        specialization(both, {"random_reach": completion}, ["bi_s"], name) for name in ("none", "output")
+    )
+    assert not artists(kept.axes[0], "floor")
+    assert artists(kept.axes[0], "mean")
+    (words,) = artists(relearned.axes[0], "floor")
+    assert words.get_text() == "at the floor"
+    assert not artists(relearned.axes[0], "mean")
+    assert "no better than" in relearned.get_supxlabel()
+    assert assert_texts_are_apart(relearned) > 8
+
+
 def test_models_without_hemispheres_show_dashes_in_the_specialization(make_results, completion, assert_texts_are_apart):
     results = make_results(completion, deep_lesions([90, 60], [30, 60]))
     metrics = {"random_reach": completion, "hold_position": completion}
