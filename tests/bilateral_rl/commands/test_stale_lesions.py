@@ -158,3 +158,71 @@ def test_nothing_is_left_of_folders_that_a_refused_study_needed(refused, trained
     weights.write_bytes(b"damaged")
     refused("lesion", RUN, *FLAGS, "--weights", "best", "--out", "new/a/b")
     assert not list((tmp_path / "new").iterdir())
+
+
+# The command that makes lesions anew
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--no-retrain"],
+        ["--retrain", "none", "--retrain", "combination", "--no-control"],
+        ["--retrain", "everything", "--retrain-epochs", "2", "--retrain-learning-rate", "0.01"],
+        ["--retrain", "output", "--retrain-penalty", "activity", "--retrain-penalty-coefficient", "0.5"],
+        ["--retrain", "output", "--retrain-optimizer", "continued", "--retrain-trials", "training"],
+    ],
+)
+def test_lesions_are_made_anew_by_the_protocols_that_they_were_made_by(
+    refused, ok, trained, undrawn, tmp_path, options
+):
+    path = tmp_path / LESIONS / "settings.json"
+    ok("lesion", RUN, "--lesion", "callosum", *options, "--trials", 4)
+    before, tensors = json.loads(path.read_text()), trained.load_weights("final")
+    train_further(trained)
+    (command,) = re.findall("`bilateral-rl (.*)`", refused("compare", RUN))
+    assert ("--no-control" in command) == ("--no-control" in options)
+    path.unlink()  # it would keep other protocols out
+    trained.save_weights("final", tensors)  # an optimizer is continued with its own weights alone
+    ok(*shlex.split(command))
+    assert json.loads(path.read_text()) == before
+
+
+def as_really_of_0_1_0(folder, run, retrain):
+    """As version 0.1.0 left them: ``settings.json`` with a switch, and a table with a column of it."""
+    as_of_0_1_0(folder, run)
+    path = folder / "settings.json"
+    settings = json.loads(path.read_text())
+    del settings["protocols"], settings["control"]
+    path.write_text(json.dumps(settings | {"retrain": retrain}))
+    table = read_results(folder / "lesions.csv")
+    table = table[table["network"] == "trained"].assign(retrained=lambda rows: rows["protocol"] == "output")
+    columns = ["model", "task", "algo", "seed", "lesion", "retrained", "metric", "value"]
+    table[columns].to_csv(folder / "lesions.csv", index=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "retrain"), [(["--no-retrain"], False), (["--retrain", "none", "--retrain", "output"], True)]
+)
+def test_lesions_of_version_0_1_0_are_compared_and_made_anew_by_the_same_protocols(
+    ok, refused, trained, undrawn, tmp_path, options, retrain
+):
+    flags = ["--lesion", "callosum", *options, "--trials", "4"]
+    ok("lesion", RUN, *flags, "--no-control")
+    as_really_of_0_1_0(tmp_path / LESIONS, trained.path, retrain)
+    out = ok("compare", RUN)
+    assert ("output layer retrained" in out) == retrain
+    assert f"call `bilateral-rl lesion {RUN} {' '.join(flags)}`" in out
+    assert "with other settings (protocols)" in refused("lesion", RUN, "--lesion", "callosum", "--trials", "4")
+    ok("lesion", RUN, *flags)
+    assert set(read_results(tmp_path / LESIONS / "lesions.csv")["network"]) == {"trained", "fresh"}
+
+
+def test_protocols_that_nobody_can_read_are_left_out_of_the_command(refused, trained, lesioned, tmp_path):
+    path = tmp_path / LESIONS / "settings.json"
+    settings = json.loads(path.read_text())
+    train_further(trained)
+    for damaged in (3, [3], [{"retrain": "all"}], [{"retrain": "output", "epochs": "x"}], [{}] * 2):
+        path.write_text(json.dumps(settings | {"protocols": damaged}))
+        assert "`bilateral-rl lesion" in refused("compare", RUN)
