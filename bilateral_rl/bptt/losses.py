@@ -58,11 +58,11 @@ class StreamLosses:
 
     def values(self, rollout: Rollout) -> Tensor:
         """Return the losses (streams, S) float64 of the rollout's last forward pass."""
-        # Network by network: a reduction over the stack may round otherwise for another number of networks.
-        means = torch.stack([terms.flatten(0, 1).mean(0, dtype=torch.float64) for terms in rollout.terms])  # (S, 3)
+        groups = rollout.groups()
+        means = torch.cat([rollout.terms[group].mean((1, 2), dtype=torch.float64) for group in groups])  # (S, 3)
         values = self.term_weights.to(means) @ means.t()
         if self._has_penalty:
-            penalties = torch.stack([self._penalty(rollout, s) for s in range(rollout.size.n_networks)])
+            penalties = torch.cat([self._penalty(rollout, group) for group in groups])
             values = values + torch.outer(values.new_tensor(self.penalty_weights), penalties)
         return values
 
@@ -71,22 +71,22 @@ class StreamLosses:
         samples = rollout.size.n_trials * rollout.size.n_steps
         return rollout.backward(self.term_weights.to(rollout.weights) / samples, self._penalty_gradients(rollout))
 
-    def _penalty(self, rollout: Rollout, s: int) -> Tensor:
-        """Return the penalty of network ``s``, not yet weighted by stream: a number, float64."""
+    def _penalty(self, rollout: Rollout, group: slice) -> Tensor:
+        """Return the penalty of each network of ``group`` (g,) float64, not yet weighted by stream."""
         if self.penalty == "weights":
-            return self.coefficient * 0.5 * rollout.weights[s].square().sum(dtype=torch.float64)
-        sizes = [_size_and_rate(x, self._arm.timestep) for x in self._penalized(rollout, s)]
-        return self.coefficient * torch.stack([size + _RATE_WEIGHT * rate for size, rate in sizes]).sum()
+            return self.coefficient * 0.5 * rollout.weights[group].square().sum(1, dtype=torch.float64)
+        sizes = [_size_and_rate(x, self._arm.timestep) for x in self._penalized(rollout, group)]
+        return self.coefficient * torch.stack([size + _RATE_WEIGHT * rate for size, rate in sizes]).sum(0)
 
-    def _penalized(self, rollout: Rollout, s: int) -> list[Tensor]:
-        """Return what a penalty of kind ``activity`` or ``released`` is taken of in network ``s``, each (B, T, …)."""
+    def _penalized(self, rollout: Rollout, group: slice) -> list[Tensor]:
+        """Return what a penalty of kind ``activity`` or ``released`` is taken of in ``group``, each (g, B, T, …)."""
         n_layers = self._layout.shape.layers * self._layout.shape.sides
         if self.penalty == "activity":
-            return [rollout.hidden[s, :, :, layer] for layer in range(n_layers)]
-        lengths, velocities = (rollout.muscle[s, :, :, row] / norm for row, norm in self._sensed(rollout))
+            return [rollout.hidden[group, :, :, layer] for layer in range(n_layers)]
+        lengths, velocities = (rollout.muscle[group, :, :, row] / norm for row, norm in self._sensed(rollout))
         proprioception = torch.cat([lengths, velocities], dim=-1)
         # The released code pairs the first outputs of its network with the hidden layers: only that many are penalized.
-        return [rollout.joint[s], rollout.muscle[s], proprioception, rollout.hand[s]][:n_layers]
+        return [rollout.joint[group], rollout.muscle[group], proprioception, rollout.hand[group]][:n_layers]
 
     def _sensed(self, rollout: Rollout) -> list[tuple[int, Tensor]]:
         """Return the sensed rows of the muscle state, and the (6,) by which each is divided to be sensed."""
@@ -97,11 +97,11 @@ class StreamLosses:
         """Return each stream's gradients of the penalty with respect to trajectories; none for kind ``weights``."""
         if not self.watches_state and not self.watches_activity:
             return TrajectoryGradients()
-        per_network = [
-            [_size_and_rate_gradient(x, self._arm.timestep) for x in self._penalized(rollout, s)]
-            for s in range(rollout.size.n_networks)
+        by_group = [
+            [_size_and_rate_gradient(x, self._arm.timestep) for x in self._penalized(rollout, group)]
+            for group in rollout.groups()
         ]
-        parts = [torch.stack(part) for part in zip(*per_network, strict=True)]  # each (S, B, T, …)
+        parts = [torch.cat(part) for part in zip(*by_group, strict=True)]  # each (S, B, T, …)
         scales = rollout.terms.new_tensor(self.penalty_weights) * self.coefficient
 
         def by_stream(part: Tensor) -> Tensor:
@@ -122,19 +122,22 @@ class StreamLosses:
 
 
 def _size_and_rate(x: Tensor, dt: float) -> tuple[Tensor, Tensor]:
-    """Return mean x² and mean ẋ² of ``x`` (B, T, …), with ẋ in units per second."""
-    rate = x.diff(dim=1) / dt
-    return x.square().mean(dtype=torch.float64), rate.square().mean(dtype=torch.float64)
+    """Return mean x² and mean ẋ² of each network's ``x`` (g, B, T, …), both (g,), with ẋ in units per second."""
+    rate = x.diff(dim=2) / dt
+    return (
+        x.square().flatten(1).mean(1, dtype=torch.float64),
+        rate.square().flatten(1).mean(1, dtype=torch.float64),
+    )
 
 
 def _size_and_rate_gradient(x: Tensor, dt: float) -> Tensor:
-    """Return the gradient of mean x² + 0.05 · mean ẋ² with respect to ``x``, both (B, T, …).
+    """Return the gradient of mean x² + 0.05 · mean ẋ² of each network with respect to ``x``, both (g, B, T, …).
 
     A difference x[t] − x[t − 1] pulls x[t] one way and x[t − 1] the other.
     """
-    gradient = x * (2.0 / x.numel())
-    change = x.diff(dim=1)
-    change *= 2.0 * _RATE_WEIGHT / (dt * dt * change.numel())
-    gradient[:, 1:] += change
-    gradient[:, :-1] -= change
+    gradient = x * (2.0 / x[0].numel())
+    change = x.diff(dim=2)
+    change *= 2.0 * _RATE_WEIGHT / (dt * dt * change[0].numel())
+    gradient[:, :, 1:] += change
+    gradient[:, :, :-1] -= change
     return gradient

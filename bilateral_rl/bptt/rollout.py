@@ -133,6 +133,17 @@ class Rollout:
         self._workers.share([functools.partial(self._assemble, part) for part in parts])
         return self.gradient
 
+    def groups(self, networks: range | None = None) -> list[slice]:
+        """Return ``networks``, all by default, in the groups that torch takes at once.
+
+        One by one on a CPU, as a sum over several may be rounded otherwise than over one; all on CUDA, where a call of
+        torch's costs more than the work that it starts.
+        """
+        networks = networks or range(self.size.n_networks)
+        if self.device != "cpu":
+            return [slice(networks.start, networks.stop)]
+        return [slice(s, s + 1) for s in networks]
+
     def set_lesions(self, lesions: Sequence[Lesion]) -> None:
         """Lesion network ``s`` by ``lesions[s]``."""
         gates = torch.ones(self.size.n_networks, N_GATES)
@@ -173,21 +184,22 @@ class Rollout:
         """
         a, layout, shape, streams = self._arrays, self.layout, self.layout.shape, self.size.n_streams
         n_hidden, n_received = shape.layers * shape.sides, (shape.layers - 1) * shape.sides
-        for s in networks:
-            deltas = a.delta_hidden[s].flatten(1)
-            by_first = (a.observation[s].t() @ deltas).view(-1, streams, n_hidden, shape.width)
-            by_hidden = (a.received[s].flatten(1).t() @ deltas).view(
-                n_received, shape.width + 1, streams, n_hidden, shape.width
+        for group in self.groups(networks):
+            deltas = a.delta_hidden[group].flatten(2)
+            g = len(deltas)
+            by_first = (a.observation[group].mT @ deltas).view(g, -1, streams, n_hidden, shape.width)
+            by_hidden = (a.received[group].flatten(2).mT @ deltas).view(
+                g, n_received, shape.width + 1, streams, n_hidden, shape.width
             )
-            by_output = (a.combined[s].t() @ a.delta_output[s].flatten(1)).view(-1, streams, shape.n_outputs)
-            row = self.gradient[:, s]  # (K, width of a row)
-            first, hidden = layout.region(row, "first"), layout.region(row, "hidden")
-            first.copy_(by_first[:, :, : shape.sides].permute(1, 2, 0, 3))
+            by_output = (a.combined[group].mT @ a.delta_output[group].flatten(2)).view(g, -1, streams, shape.n_outputs)
+            rows = self.gradient[:, group]  # (K, g, width of a row)
+            first, hidden = layout.region(rows, "first"), layout.region(rows, "hidden")
+            first.copy_(by_first[:, :, :, : shape.sides].permute(2, 0, 3, 1, 4))
             # A closed input gate lets through the bias, but no observation.
-            first[:, :, :-1] *= a.gates[s, INPUT_DOMINANT : INPUT_DOMINANT + shape.sides].view(-1, 1, 1)
+            first[..., :-1, :] *= a.gates[group, INPUT_DOMINANT : INPUT_DOMINANT + shape.sides, None, None]
             for index in range(n_received):
                 # The first hidden layer of each side sees the inputs: what receives begins ``sides`` later.
-                hidden[:, index] = by_hidden[index, :, :, index + shape.sides].transpose(0, 1)
+                hidden[:, :, index] = by_hidden[:, index, :, :, index + shape.sides].permute(2, 0, 1, 3)
             if shape.sides == 2:
-                layout.region(row, "combination").copy_(a.combination_gradient[:, s].sum(1))
-            layout.region(row, "output").copy_(by_output.transpose(0, 1))
+                layout.region(rows, "combination").copy_(a.combination_gradient[:, group].sum(2))
+            layout.region(rows, "output").copy_(by_output.permute(2, 0, 1, 3))

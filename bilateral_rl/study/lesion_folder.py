@@ -30,7 +30,7 @@ from bilateral_rl.study.lesioning import LesionSettings
 from bilateral_rl.study.provenance import SOURCE, describe_source, is_stale, source_path
 
 RESULTS, SETTINGS = "lesions.csv", "settings.json"
-_NO_TREATMENT = {*SOURCE, "threads"} - {"weights"}
+_NO_TREATMENT = {*SOURCE, "threads", "device"} - {"weights"}
 """Entries of ``settings.json`` in which two studies may differ and still be the same one."""
 
 

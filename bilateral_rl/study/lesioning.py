@@ -49,6 +49,8 @@ class LesionSettings:
     """Seed of the test trials; trial i is the first one of seed + i."""
     threads: int = 0
     """CPU threads of the retraining; 0 for as many as there are."""
+    device: str = "cpu"
+    """Where networks are retrained."""
     retraining_trials: int | None = None
     """Number of trials of an epoch of retraining; None for the run's own number, or the paper's."""
 
@@ -126,7 +128,8 @@ class LesionStudy:
     def _retraining_by(self, protocol: Protocol) -> Retraining | None:
         if protocol.retrain == "none":
             return None
-        return Retraining(self.config, protocol, self.settings.retraining_trials, self.settings.threads)
+        settings = self.settings
+        return Retraining(self.config, protocol, settings.retraining_trials, settings.threads, settings.device)
 
     def _retrained(
         self, retraining: Retraining, network: str, states: Mapping[int, Tensors], lesion: Lesion

@@ -46,7 +46,7 @@ def train_and_measure(
     """
     resolved = resolve(None, None, [config])
     run = _trained_run(folder / runs, resolved, progress)
-    settings = build(LesionSettings, {"threads": resolved.threads, **lesions})
+    settings = build(LesionSettings, {"threads": resolved.threads, "device": resolved.device, **lesions})
     study = LesionStudy(run, settings)
 
     def on_state(done: int, total: int, name: str) -> None:

@@ -39,6 +39,7 @@ class Retraining:
         protocol: what adapts, and how.
         trials: number of trials of an epoch; None for the run's own number, or the paper's.
         threads: number of CPU threads; 0 for as many as there are CPUs.
+        device: where it is computed, "cpu" or a CUDA device.
 
     Attributes:
         used: the protocol with the numbers that are really used.
@@ -47,10 +48,17 @@ class Retraining:
         UserError: a run that cannot be retrained so.
     """
 
-    def __init__(self, config: TrainConfig, protocol: Protocol, trials: int | None = None, threads: int = 0) -> None:
+    def __init__(
+        self,
+        config: TrainConfig,
+        protocol: Protocol,
+        trials: int | None = None,
+        threads: int = 0,
+        device: str = "cpu",
+    ) -> None:
         _check(config, protocol)
         self._config, self._settings = config, config.supervised.bptt
-        self._n_trials, self._threads = trials or self._settings.trials, threads
+        self._n_trials, self._threads, self._device = trials or self._settings.trials, threads, device
         if self._n_trials < self._settings.batch_size:
             batch = self._settings.batch_size
             raise UserError(f"An epoch of {self._n_trials} trials is less than one batch of {batch}.")
@@ -93,20 +101,20 @@ class Retraining:
             (S, width), the retrained parameters. A network whose loss was not finite ends with an output layer that is
             not finite either.
         """
-        workers = Workers(self._threads)
+        workers = Workers(self._threads if self._device == "cpu" else 1)
         try:
             with one_torch_thread():
                 rollout = self._rollout(workers, weights, lesions)
                 optimizer = self._optimizer(rollout, lesions, moments)
                 self._train(rollout, optimizer, seeds, on_update)
-                return rollout.weights.clone()
+                return rollout.weights.to("cpu", copy=True)
         finally:
             workers.close()
 
     def _rollout(self, workers: Workers, weights: Tensor, lesions: Sequence[Lesion]) -> Rollout:
         trial, batch_size = self._config.trial, self._settings.batch_size
         size = self._losses.rollout_size(len(weights), batch_size, trial.trial_length)
-        rollout = Rollout(self._layout, trial.arm, size, workers=workers)
+        rollout = Rollout(self._layout, trial.arm, size, device=self._device, workers=workers)
         rollout.weights.copy_(weights)
         rollout.set_lesions(lesions)
         return rollout
@@ -156,12 +164,12 @@ class Retraining:
         task, n, trial = make_task(self._config.task), self._n_trials, self._config.trial
         draw = training_trials if self.used.trials == "training" else retraining_trials
         by_seed = {seed: draw(seed, n, task, trial) for seed in dict.fromkeys(seeds)}
-        return stacked([by_seed[seed] for seed in seeds])
+        return stacked([by_seed[seed] for seed in seeds], self._device)
 
     def _shuffled(self, trials: TrialTensors, seeds: Sequence[int], epoch: int) -> TrialTensors:
         """Return the trials in the order of an epoch."""
         orders = np.stack([retraining_order(seed, epoch, self._n_trials) for seed in seeds])
-        order = torch.from_numpy(orders)[..., None].expand(-1, -1, 2)
+        order = torch.from_numpy(orders).to(self._device)[..., None].expand(-1, -1, 2)
         return TrialTensors(*(part.gather(1, order) for part in trials))
 
 

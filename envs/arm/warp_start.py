@@ -13,6 +13,9 @@ from typing import Any
 import torch
 import warp as wp
 
+_BLOCK = 32
+"""Threads of a block on CUDA: a warp, so that a few long threads are spread over many processors."""
+
 
 @functools.cache
 def start_warp() -> None:
@@ -23,9 +26,9 @@ def start_warp() -> None:
 
 
 def launch_on(device: str | torch.device) -> dict[str, Any]:
-    """Return ``wp.launch``'s arguments for torch tensors on ``device``: on CUDA, the stream that torch is using."""
+    """Return ``wp.launch``'s arguments for torch tensors on ``device``: on CUDA, torch's stream and small blocks."""
     if torch.device(device).type == "cuda":
-        return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device))}
+        return {"stream": wp.stream_from_torch(torch.cuda.current_stream(device)), "block_dim": _BLOCK}
     return {"device": str(device)}
 
 

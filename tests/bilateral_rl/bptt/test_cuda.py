@@ -3,8 +3,13 @@
 import pytest
 import torch
 
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.runs.policies import network_states
+from bilateral_rl.policies.lesions import Lesion
+from bilateral_rl.runs.policies import build_network, network_states
+from bilateral_rl.training.moments import trained_moments
+from bilateral_rl.training.retraining import Retraining
 from bilateral_rl.training.run import resume, train
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
@@ -30,3 +35,20 @@ def test_a_run_of_the_gpu_goes_on_on_the_cpu(tmp_path):
     folder = trained(tmp_path, "cuda")
     outcome = resume(folder, resolve(None, None, [folder.config().to_values() | {"epochs": 3, "device": "cpu"}]))
     assert outcome.done == 12
+
+
+@pytest.mark.parametrize(
+    "protocol", [Protocol("output", epochs=2), Protocol("everything", optimizer="continued")], ids=lambda p: p.name
+)
+def test_a_gpu_retrains_the_same_networks_as_the_cpu(tmp_path, protocol):
+    run = trained(tmp_path, "cpu")
+    config, states = run.config(), network_states(run)
+    rows, seeds = Layout(build_network(config)).pack(list(states.values())), list(states)
+    moments = trained_moments(run, seeds, "final") if protocol.optimizer == "continued" else None
+    on_cpu, on_cuda = (
+        Retraining(config, protocol, device=device).run(rows, seeds, [Lesion(callosum=True)] * len(seeds), moments)
+        for device in ("cpu", "cuda")
+    )
+    assert on_cuda.device.type == "cpu"
+    assert not torch.equal(on_cpu, rows)
+    torch.testing.assert_close(on_cuda, on_cpu, rtol=1e-3, atol=1e-4)
