@@ -16,6 +16,8 @@ from bilateral_rl.io.yaml_files import read_settings
 STUDY_FILE = "study.yaml"
 _BEFORE: Values = {"first_seed": 0}
 """What descriptions by earlier versions do not say, as it was then."""
+MACHINE_SETTINGS = ("threads", "device", "track")
+"""Settings that change how a run is made, not what comes out: a study may go on with others."""
 
 
 @contextlib.contextmanager
@@ -77,10 +79,18 @@ def _new_file(path: Path, text: str) -> Iterator[None]:
 
 
 def _check_same(path: Path, stored: Values, requested: Values) -> None:
-    stored, requested = _BEFORE | stored, _BEFORE | requested
+    stored, requested = _BEFORE | _of_study(stored), _BEFORE | _of_study(requested)
     for name in stored | requested:
         if stored.get(name) != requested.get(name):
             raise UserError(
                 f"{path.parent} holds a study with {name} = {stored.get(name)!r}, not {requested.get(name)!r}: "
                 "go on with it as it was begun, or choose another --out."
             )
+
+
+def _of_study(description: Values) -> Values:
+    """The description without settings of the machine."""
+    overrides = description.get("overrides")
+    if not isinstance(overrides, dict):
+        return description
+    return description | {"overrides": {name: overrides[name] for name in overrides if name not in MACHINE_SETTINGS}}

@@ -15,14 +15,13 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies.lesions import lesion_words
 from bilateral_rl.runs.folder import FAILED, FINAL, FINISHED, RunFolder
+from bilateral_rl.study.folder import MACHINE_SETTINGS
 from bilateral_rl.study.jobs import JobProgress
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.study.provenance import describe_source, source_file
 from bilateral_rl.training import run as training
 from bilateral_rl.training.progress import Outcome, Progress
 
-_MACHINE_SETTINGS = ("threads", "device", "track")
-"""Settings that change how a run is made, not what comes out."""
 _TRAINING_SHARE = 0.85
 """Share of the training in a job's time, roughly, for the progress bar."""
 
@@ -102,7 +101,7 @@ def _same(run: RunFolder, config: TrainConfig) -> bool:
     except UserError:  # damaged: not the one
         return False
     requested = config.to_values()
-    return all(stored.get(name) == requested[name] for name in requested if name not in _MACHINE_SETTINGS)
+    return all(stored.get(name) == requested[name] for name in requested if name not in MACHINE_SETTINGS)
 
 
 class _Watch(Progress):

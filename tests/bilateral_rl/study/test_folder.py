@@ -123,3 +123,16 @@ def test_folders_vanish_with_what_fails_if_they_are_empty(tmp_path):
     with pytest.raises(NotADirectoryError), new_folder(file.parent / "deep"):
         file.touch() or (file / "below").touch()
     assert list(file.parent.iterdir()) == [file]
+
+
+def test_a_study_goes_on_with_other_settings_of_the_machine(tmp_path):
+    begun, on_another = {"overrides": {"epochs": 2, "device": "cuda"}}, {"overrides": {"epochs": 2, "threads": 3}}
+    with claimed_folder(tmp_path / "study", begun):
+        pass
+    with claimed_folder(tmp_path / "study", on_another):
+        pass
+    with (
+        pytest.raises(UserError, match="holds a study with overrides"),
+        claimed_folder(tmp_path / "study", {"overrides": {"epochs": 3, "device": "cuda"}}),
+    ):
+        pass
