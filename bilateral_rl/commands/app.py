@@ -33,6 +33,8 @@ Overrides = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
 ]
 SEEDS = "N|FIRST..LAST"
+_RETRAINING = "What follows each lesion"
+"""Where the options of retraining stand in the help of ``lesion``."""
 Jobs = Annotated[int | None, typer.Option(help="Trainings at a time.", show_default="one a CPU")]
 Ray = Annotated[
     str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
@@ -157,32 +159,56 @@ def lesion(
         list[str] | None,
         typer.Option(
             metavar="WHAT",
-            help="What adapts after each lesion: none, output (layer), combination (weights too), everything, or a "
-            "protocol by its name in a lesions.csv; may be repeated.",
-            show_default="none, output and everything",
+            help="What adapts: none, output (layer), combination (its weights too) or everything; or a protocol's name "
+            "in a lesions.csv. May be repeated.",
+            show_default="none, output, everything",
+            rich_help_panel=_RETRAINING,
         ),
     ] = None,
-    no_retrain: Annotated[bool, typer.Option("--no-retrain", help="The same as --retrain none.")] = False,
-    retrain_epochs: Annotated[int | None, typer.Option(help="Epochs that it adapts for.", show_default="1")] = None,
+    no_retrain: Annotated[
+        bool, typer.Option("--no-retrain", help="The same as --retrain none.", rich_help_panel=_RETRAINING)
+    ] = False,
+    retrain_epochs: Annotated[
+        int | None, typer.Option(help="For so many epochs.", show_default="1", rich_help_panel=_RETRAINING)
+    ] = None,
     retrain_learning_rate: Annotated[
-        float | None, typer.Option(help="Learning rate of Adam.", show_default="the run's, or 0.001 by rewards")
+        float | None,
+        typer.Option(
+            help="Learning rate of Adam.", show_default="that of a bptt run, or 0.001", rich_help_panel=_RETRAINING
+        ),
     ] = None,
     retrain_optimizer: Annotated[
-        str | None, typer.Option(help="fresh, or continued from the training (bptt).", show_default="fresh")
+        str | None,
+        typer.Option(
+            help="fresh, or continued from the training (bptt).", show_default="fresh", rich_help_panel=_RETRAINING
+        ),
     ] = None,
     retrain_trials: Annotated[
-        str | None, typer.Option(help="new ones, or those of the training (bptt).", show_default="new")
+        str | None,
+        typer.Option(
+            help="new ones, or those of the training (bptt).", show_default="new", rich_help_panel=_RETRAINING
+        ),
     ] = None,
     retrain_penalty: Annotated[
-        str | None, typer.Option(help="Weight penalty: weights, activity or released.", show_default="the run's")
+        str | None,
+        typer.Option(
+            help="Weight penalty: weights, activity or released.",
+            show_default="that of a bptt run, or weights",
+            rich_help_panel=_RETRAINING,
+        ),
     ] = None,
     retrain_penalty_coefficient: Annotated[
-        float | None, typer.Option(help="Its λ; 0 for no penalty.", show_default="the run's")
+        float | None,
+        typer.Option(help="Its λ; 0 for none.", show_default="the run's, or the usual", rich_help_panel=_RETRAINING),
     ] = None,
-    control: Annotated[
+    no_control: Annotated[
         bool,
-        typer.Option(help="Treat fresh networks alike, which tells what was kept from what is relearned."),
-    ] = True,
+        typer.Option(
+            "--no-control",
+            help="Leave out fresh networks, which tell what was kept from what is relearned.",
+            rich_help_panel=_RETRAINING,
+        ),
+    ] = False,
     profile: Annotated[
         str | None,
         typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
@@ -204,7 +230,7 @@ def lesion(
         run=run,
         lesions=lesions,
         protocols=chosen_protocols(retrain, no_retrain, settings),
-        control=control,
+        control=not no_control,
         profile=profile,
         trials=trials,
         seed=seed,

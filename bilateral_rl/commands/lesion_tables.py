@@ -79,7 +79,8 @@ def _words(results: pd.DataFrame, metric: Metric, lesions: Sequence[str], states
     if not lesions:
         return
     if _has_control(results):
-        yield f"No better than fresh networks that were treated alike (relearned, not kept), by {metric.label.lower()}:"
+        fresh = "fresh networks that were treated alike (lost or relearned, not kept)"
+        yield f"No better than {fresh}, by {metric.label.lower()}:"
         for state in states:
             floored = [name for name in lesions if above_control(results, metric.name, state.after(name)) is False]
             yield f"  {protocol_words(state.protocol)}: {_listed(floored, lesions)}"

@@ -68,7 +68,7 @@ def test_protocols_are_columns_and_the_control_is_a_line_beneath_each_lesion(out
 
 def test_states_that_are_no_better_than_the_control_are_named_by_protocol(out):
     text = words(out)
-    assert "No better than fresh networks that were treated alike (relearned, not kept)" in text
+    assert "No better than fresh networks that were treated alike (lost or relearned, not kept)" in text
     assert "without retraining: every lesion" in text
     assert "everything retrained: shallow non-dominant" in text
 
