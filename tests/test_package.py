@@ -32,4 +32,5 @@ def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
     own = python_files(ROOT / "bilateral_rl")
     expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
     data = {"config/defaults.yaml", "py.typed", "study/report.html.jinja"}
+    data |= {f"readings/{path.name}" for path in (ROOT / "bilateral_rl" / "readings").iterdir()}
     assert names == expected | {f"bilateral_rl/{name}" for name in data}

@@ -43,6 +43,9 @@ class Component:
     (:mod:`bilateral_rl.claims.effects`): positive as claimed. NaN where nothing was measured."""
     design: Design | None = None
     """What the number of seeds of a confirmation follows from; None if nothing was measured."""
+    relearned: tuple[str, ...] = ()
+    """States that are no better than freshly initialized networks after the same protocol: what they show is what the
+    protocol teaches, not what was kept."""
 
     @property
     def numbers(self) -> str:
@@ -60,6 +63,28 @@ class Component:
 
 
 @dataclass(frozen=True)
+class Aside:
+    """Statements of a claim judged otherwise; they stand beside it and decide nothing."""
+
+    name: str
+    """How they are judged, such as "without retraining"."""
+    components: tuple[Component, ...]
+    """The statements."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the claim's verdict would be by these statements alone."""
+        return all_of(component.verdict for component in self.components)
+
+    @property
+    def summary(self) -> str:
+        """The verdict and how many statements have which, in words."""
+        verdicts = [component.verdict for component in self.components]
+        counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
+        return f"{self.name} {self.verdict} ({counts})"
+
+
+@dataclass(frozen=True)
 class Claim:
     """One of the paper's claims."""
 
@@ -69,9 +94,9 @@ class Claim:
     """The claim in words, after the paper."""
     components: tuple[Component, ...]
     """The statements that make up the claim."""
-    without_retraining: tuple[Component, ...] = ()
-    """The same statements about networks that were not retrained after their lesion; they decide nothing. Only claims
-    on lesions have them."""
+    beside: tuple[Aside, ...] = ()
+    """The same statements judged otherwise, such as of networks that were not retrained. Only claims on lesions have
+    some."""
 
     @property
     def verdict(self) -> Verdict:
@@ -91,12 +116,12 @@ class Claim:
     @property
     def note(self) -> str:
         """What is missing and what else readers must know, each thing once; "" if nothing."""
-        notes = join_notes(*(component.note for component in self.components))
-        if not self.without_retraining:
-            return notes
-        verdicts = [component.verdict for component in self.without_retraining]
-        counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
-        return join_notes(notes, f"without the retraining epoch {all_of(verdicts)} ({counts})")
+        relearned = ", ".join(dict.fromkeys(name for component in self.components for name in component.relearned))
+        return join_notes(
+            *(component.note for component in self.components),
+            f"no better than a fresh network: {relearned}" if relearned else "",
+            *(aside.summary for aside in self.beside),
+        )
 
 
 def _bounds(interval: Interval) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.claims import intact, lesioned, unilateral
-from bilateral_rl.claims.claim import Claim, Component
+from bilateral_rl.claims.claim import Aside, Claim, Component
+from bilateral_rl.claims.criteria import Criteria
 from bilateral_rl.claims.evidence import Evidence
 
 
@@ -27,12 +27,21 @@ class OnModels:
 
 @dataclass(frozen=True)
 class OnLesions(OnModels):
-    """How a claim on lesioned models is computed: retrained for an epoch, and beside it without."""
+    """How a claim on lesioned models is computed: after the criteria's protocol, and beside it otherwise."""
 
     def evaluate(self, number: str, evidence: Evidence) -> Claim:
-        """Return the claim with its verdict."""
-        without = tuple(self.components(evidence.without_retraining()))
-        return replace(super().evaluate(number, evidence), without_retraining=without)
+        """Return the claim with its verdict.
+
+        Beside it stand networks that were not retrained, and, where reaches are judged by the speed of those that
+        succeed, the mean time to the goal, in which those that fail count too.
+        """
+        otherwise: dict[str, Evidence] = {}
+        if (without := evidence.without_retraining()).protocol != evidence.protocol:
+            otherwise["without retraining"] = without
+        if evidence.speed in evidence.after_lesions:
+            otherwise["by mean time to goal"] = evidence.by_time_to_goal()
+        beside = tuple(Aside(name, tuple(self.components(other))) for name, other in otherwise.items())
+        return replace(super().evaluate(number, evidence), beside=beside)
 
 
 CLAIMS: dict[str, OnModels] = {
@@ -79,16 +88,16 @@ CLAIMS: dict[str, OnModels] = {
 """The paper's claims (section 7) by number."""
 
 
-def evaluate_claims(results: pd.DataFrame, radii: Mapping[str, float] = JUDGED_RADII) -> list[Claim]:
+def evaluate_claims(results: pd.DataFrame, criteria: Criteria) -> list[Claim]:
     """Evaluate every claim.
 
     Args:
-        results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm; a model, task or lesion that is
-            missing leaves the components that need it undecided.
-        radii: radius of the goal by task (m).
+        results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm; a model, task, lesion or protocol
+            that is missing leaves the components that need it undecided.
+        criteria: what they are judged by.
 
     Raises:
         UserError: results of several algorithms, several values of one seed, or a radius that no goal can have.
     """
-    evidence = Evidence(results, radii)
+    evidence = Evidence(results, criteria)
     return [claim.evaluate(number, evidence) for number, claim in CLAIMS.items()]

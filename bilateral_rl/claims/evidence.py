@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pandas as pd
 
+from bilateral_rl.analysis.floor import above_control
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import Metric, find_metric, metric_name, preferred_metric
+from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.analysis.samples import finite
-from bilateral_rl.analysis.specialization import ALONE
 from bilateral_rl.analysis.statistics import PairTest, games_howell, tukey_hsd
+from bilateral_rl.claims.criteria import Criteria
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.vocabulary import Side
+from bilateral_rl.vocabulary import SIDES, Side
 
 _NUMBER = {model: number for number, model in enumerate(MODELS)}
 
@@ -42,10 +43,15 @@ class Sample:
 
     name: str
     """The model and its state, as people read it."""
-    model: str
+    state: State
     measure: Measure
     values: pd.Series
     """Values by seed, in rising order."""
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.state.model
 
     @property
     def missing(self) -> bool:
@@ -69,33 +75,45 @@ class Evidence:
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
-        radii: radius of the goal by task (m).
+        criteria: what they are judged by.
 
     Attributes:
         completion, speed, hold: the measures of the claims.
-        protocol: name of the protocol that lesioned networks followed.
+        after_lesions: the measures by which networks are judged after a lesion.
+        protocol: name of the protocol that followed a lesion.
 
     Raises:
         UserError: results of several algorithms, or a radius that no goal can have.
     """
 
-    def __init__(self, results: pd.DataFrame, radii: Mapping[str, float]) -> None:
+    def __init__(self, results: pd.DataFrame, criteria: Criteria) -> None:
         algorithms = sorted(set(results["algo"]))
         if len(algorithms) > 1:
             raise UserError(f"Claims are tested on results of one algorithm, not of {' and '.join(algorithms)}.")
-        reach, hold = RandomReach.id, HoldPosition.id
+        reach, hold, radii = RandomReach.id, HoldPosition.id, criteria.radii
+        speed = "speed_to_goal" if criteria.arrival == "first" else "speed_to_third_step"
         self.completion = Measure(find_metric(preferred_metric(reach, radii[reach])), reach)
-        self.speed = Measure(find_metric(metric_name("speed_to_goal", radii[reach])), reach)
+        self.speed = Measure(find_metric(metric_name(speed, radii[reach])), reach)
         self.hold = Measure(find_metric(preferred_metric(hold, radii[hold])), hold)
-        self.protocol = "output"
-        self._results = results
+        self._time = Measure(find_metric(metric_name("time_to_goal", radii[reach])), reach)
+        of_reach = {"completion": self.completion, "speed": self.speed}
+        self.after_lesions = (*(of_reach[name] for name in criteria.measures), self.hold)
+        self.protocol, self._alone = criteria.protocol, criteria.alone
+        names = {measure.metric.name for measure in (self.completion, self.speed, self.hold, self._time)}
+        self._results = results[results["metric"].isin(names)]
         self._values: dict[tuple[str, State], pd.Series] = {}
         self._post_hoc: dict[tuple[Measure, str, str], tuple[PairTest, PairTest]] = {}
 
     def without_retraining(self) -> Evidence:
         """Return the same evidence, but of lesioned networks that were not retrained."""
         other = copy.copy(self)
-        other.protocol = "none"
+        other.protocol = Protocol("none").name
+        return other
+
+    def by_time_to_goal(self) -> Evidence:
+        """Return the same evidence, but of the mean time to the goal of a reach in place of all after a lesion."""
+        other = copy.copy(self)
+        other.after_lesions = (self._time,)
         return other
 
     def intact(self, measure: Measure, model: str) -> Sample:
@@ -107,8 +125,23 @@ class Evidence:
         return self._after(f"{model} with {lesion_words(lesion)} lesion", measure, model, lesion)
 
     def hemisphere(self, measure: Measure, model: str, side: Side) -> Sample:
-        """Return what ``side`` does alone: a measure of the networks after a deep lesion of the other side."""
-        return self._after(f"{side.replace('_', '-')} hemisphere of {model}", measure, model, ALONE[side])
+        """Return what ``side`` does alone: a measure of the networks after a lesion of the other side."""
+        (other,) = (name for name in SIDES if name != side)
+        name = f"{side.replace('_', '-')} hemisphere of {model}"
+        return self._after(name, measure, model, f"{self._alone}_{other}")
+
+    def succeeded(self, sample: Sample) -> Sample:
+        """Return the share of reaches that succeed in the state of ``sample``."""
+        return self._sample(sample.name, self.completion, sample.state)
+
+    def is_relearned(self, sample: Sample) -> bool:
+        """Whether networks do no better in a state than freshly initialized ones that the same was done to.
+
+        Speed is that of successful reaches, of which a fresh network may have a lucky few: the time to the goal decides
+        in its place. Without results of fresh networks nobody knows, and the answer is no.
+        """
+        measure = self._time if sample.measure == self.speed else sample.measure
+        return above_control(self._results, measure.metric.name, sample.state) is False
 
     def post_hoc(self, measure: Measure, first: str, second: str) -> tuple[PairTest, PairTest]:
         """Return Games–Howell and Tukey's HSD of two intact models, in the family of the models there are."""
@@ -126,4 +159,4 @@ class Evidence:
         key = measure.metric.name, state
         if key not in self._values:
             self._values[key] = by_seed(self._results, *key)
-        return Sample(name, state.model, measure, self._values[key])
+        return Sample(name, state, measure, self._values[key])

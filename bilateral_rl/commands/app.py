@@ -310,6 +310,14 @@ def reproduce(
     jobs: Jobs = None,
     ray: Ray = None,
     overrides: Overrides = None,
+    readings: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="all|NAME|FILE",
+            help="Readings of the paper to judge by, such as everything-speed or a YAML file; may be repeated.",
+            show_default="text and everything",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the study.", show_default="runs/reproduce-…")] = None,
 ) -> None:
     """Reproduce the whole paper: seven models, two tasks, lesions, statistics, figures, and a report with verdicts."""
@@ -323,6 +331,7 @@ def reproduce(
         n_jobs=jobs,
         ray=ray,
         overrides=overrides or [],
+        readings=readings,
         out=out,
         console=console,
     )

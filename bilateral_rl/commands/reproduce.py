@@ -11,19 +11,24 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bilateral_rl.claims import Claim
+from bilateral_rl.claims import Judgement, Verdict
 from bilateral_rl.claims.margins import PAPER_SEEDS
 from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
 from bilateral_rl.config import parse as settings
 from bilateral_rl.config.seeds import Seeds, parse_seeds
+from bilateral_rl.study.agenda import Step, agenda
 from bilateral_rl.study.folder import claimed_folder
+from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import unsourced
 from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
+from bilateral_rl.study.readings import ANCHORS, load_readings
 from bilateral_rl.study.report import counts_of
 from bilateral_rl.study.reproduction import REPORT, conclude
 
-_STYLES = {"supported": "green", "not supported": "red", "undecided": "yellow"}
+_STYLES: dict[Verdict, str] = {"supported": "green", "not supported": "red", "undecided": "yellow"}
+_SHOWN = 3
+"""Largest number of readings that stand side by side."""
 
 
 def reproduce(
@@ -35,6 +40,7 @@ def reproduce(
     n_jobs: int | None,
     ray: str | None,
     overrides: Sequence[str],
+    readings: Sequence[str] | None,
     out: Path | None,
     console: Console,
 ) -> None:
@@ -48,6 +54,7 @@ def reproduce(
         n_jobs: number of trainings at a time; None for one a CPU.
         ray: address of a Ray cluster; None for this machine.
         overrides: settings of every training, as ``--set`` takes them.
+        readings: readings of the paper, as ``--readings`` takes them; None for the two anchors.
         out: folder of the study; None for one below ``runs``.
         console: where to print.
 
@@ -57,21 +64,24 @@ def reproduce(
     """
     began = time.monotonic()
     study = _study(algo, profile, seeds, quick, settings.parse_overrides(overrides))
-    at_once, threads = side_by_side(n_jobs, study.n_jobs)
-    jobs = study.jobs(threads)
+    chosen = load_readings(readings or ANCHORS)
+    at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables))
+    grid = Grid(study, chosen, threads)
     folder = out or Path("runs") / study.name
-    begins = f"{len(jobs)} trainings into [bold]{_quoted(folder)}[/bold]"
     with claimed_folder(folder, study.to_values()):
+        console.print(_costs(agenda(grid, folder), at_once))
+        begins = f"{len(grid.tables)} trainings into [bold]{_quoted(folder)}[/bold]"
         console.print(f"{begins}; Ctrl-C stops and saves, the same command goes on.", soft_wrap=True, highlight=False)
-        outcomes = run_jobs(jobs, folder, title=study.name, at_once=at_once, ray=ray, console=console)
-    claims = _conclude(study, folder, outcomes, console)
-    console.print(_verdicts(claims))
+        outcomes = run_jobs(grid.jobs(folder), folder, title=study.name, at_once=at_once, ray=ray, console=console)
+    judgements = _conclude(grid, folder, outcomes, console)
+    console.print(_verdicts(judgements))
     if quick:
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
-    minutes = (time.monotonic() - began) / 60
-    console.print(f"{counts_of(claims)} {minutes:.1f} minutes.", highlight=False)
+    for judgement in judgements[:_SHOWN]:
+        console.print(f"{judgement.reading}: {counts_of(judgement.claims)}", highlight=False)
+    console.print(f"{(time.monotonic() - began) / 60:.1f} minutes.", highlight=False)
     print_failures(outcomes, console)
-    print_unsourced(unsourced(folder / job.result for job in jobs), console)
+    print_unsourced(unsourced(folder / table.path for table in grid.all_tables), console)
     console.print(f"Report: [bold]{_quoted(folder / REPORT)}[/bold]", soft_wrap=True, highlight=False)
 
 
@@ -83,15 +93,37 @@ def _study(algo: str, profile: str, seeds: str | None, quick: bool, overrides: s
     return Study(algo, profile, chosen.first or 0, chosen.n, quick, overrides)
 
 
-def _conclude(study: Study, folder: Path, outcomes: Sequence[JobOutcome], console: Console) -> list[Claim]:
+def _conclude(grid: Grid, folder: Path, outcomes: Sequence[JobOutcome], console: Console) -> list[Judgement]:
     with console.status("concluding") as status:
-        return conclude(study, folder, outcomes, lambda text: status.update(f"{text} …"))
+        return conclude(grid, folder, outcomes, lambda text: status.update(f"{text} …"))
 
 
-def _verdicts(claims: Sequence[Claim]) -> Table:
-    table = Table("", "the paper's claim", "verdict", title="Verdicts", title_justify="left")
-    for claim in claims:
-        table.add_row(claim.number, claim.statement, f"[{_STYLES[claim.verdict]}]{claim.verdict}")
+def _costs(steps: Sequence[Step], at_once: int) -> Table:
+    """What is to be trained and lesioned, and what of it is left to do."""
+    minutes = sum(step.seconds for step in steps) / 60
+    title = f"Left to do: about {minutes:.0f} core-minutes, {at_once} trainings at a time"
+    table = Table(title=title, title_justify="left")
+    for column in ("trainings", "networks", "to train", "lesion protocols", "to do", "minutes"):
+        table.add_column(column, overflow="fold")
+    for step in steps:
+        trained, measured = f"{step.to_train}", f"{step.to_measure} of {step.tables}"
+        protocols = ", ".join(step.protocols)
+        table.add_row(step.name, f"{step.networks}", trained, protocols, measured, f"{step.seconds / 60:.0f}")
+    return table
+
+
+def _verdicts(judgements: Sequence[Judgement]) -> Table:
+    """The verdicts of a few readings side by side; of many, how many have which."""
+    few = len(judgements) <= _SHOWN
+    columns = [judgement.reading for judgement in judgements] if few else list(_STYLES)
+    table = Table("", "the paper's claim", *columns, title="Verdicts", title_justify="left")
+    for claims in zip(*(judgement.claims for judgement in judgements), strict=True):
+        verdicts = [claim.verdict for claim in claims]
+        if few:
+            cells = [f"[{_STYLES[verdict]}]{verdict}" for verdict in verdicts]
+        else:
+            cells = [f"[{style}]{verdicts.count(verdict)}" for verdict, style in _STYLES.items()]
+        table.add_row(claims[0].number, claims[0].statement, *cells)
     return table
 
 

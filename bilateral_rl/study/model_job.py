@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from bilateral_rl.config.parse import Values, build, plain
 from bilateral_rl.config.resolve import resolve
@@ -22,58 +24,70 @@ from bilateral_rl.study.provenance import describe_source, source_file
 from bilateral_rl.training import run as training
 from bilateral_rl.training.progress import Outcome, Progress
 
-_TRAINING_SHARE = 0.85
-"""Share of the training in a job's time, roughly, for the progress bar."""
+_TABLE_SHARE = 0.2
+"""What a table of results takes against the training, roughly, for the progress bar."""
 
 
 def train_and_measure(
-    folder: Path, progress: JobProgress, config: Values, lesions: Mapping[str, Any], runs: str, result: str
+    folder: Path,
+    progress: JobProgress,
+    config: Values,
+    tables: Sequence[Mapping[str, Any]],
+    runs: str,
+    known_runs: str | None = None,
 ) -> None:
-    """Train, unless that is done, and write the results (:mod:`bilateral_rl.analysis.results`).
+    """Train, unless that is done, and write tables of results (:mod:`bilateral_rl.analysis.results`).
 
     Args:
         folder: of the study.
         progress: called with how far the job is.
         config: settings of the training.
-        lesions: fields of :class:`~bilateral_rl.study.lesioning.LesionSettings`.
-        runs: the folder in ``folder`` that holds the run, or is to hold it.
-        result: the file in ``folder`` that takes the results; what they are of is written beside it.
+        tables: each a dictionary with ``result``, the file in ``folder`` that takes the table, and ``lesions``, fields
+            of :class:`~bilateral_rl.study.lesioning.LesionSettings`. What a table is of is written beside it.
+        runs: the folder in ``folder`` that takes the run.
+        known_runs: the folder in ``folder`` below which a run of the same settings is taken instead; None for ``runs``.
 
     Raises:
         UserError: a training that failed.
         KeyboardInterrupt: somebody stopped the training; it is saved.
     """
     resolved = resolve(None, None, [config])
-    run = _trained_run(folder / runs, resolved, progress)
-    settings = build(LesionSettings, {"threads": resolved.threads, "device": resolved.device, **lesions})
-    study = LesionStudy(run, settings)
+    training_share = 1 / (1 + _TABLE_SHARE * len(tables))
+    known = folder / (runs if known_runs is None else known_runs)
+    run = _trained_run(folder / runs, known, resolved, lambda done, text: progress(training_share * done, text))
+    machine = {"threads": resolved.threads, "device": resolved.device}
+    for i, table in enumerate(tables):
 
-    def on_state(done: int, total: int, name: str) -> None:
-        share = _TRAINING_SHARE + (1 - _TRAINING_SHARE) * done / total
-        progress(share, f"testing: {lesion_words(name)}" if name else "tested")
+        def on_state(done: int, total: int, name: str, before: int = i) -> None:
+            share = (before + done / total) / len(tables)
+            text = f"testing: {lesion_words(name)}" if name else "tested"
+            progress(training_share + (1 - training_share) * share, text)
 
-    results = study.run(on_state)
-    path = folder / result
+        settings = build(LesionSettings, machine | table["lesions"])
+        _write(LesionStudy(run, settings).run(on_state), run, settings, folder / table["result"])
+
+
+def _write(results: pd.DataFrame, run: RunFolder, settings: LesionSettings, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     source = describe_source(run, FINAL, path.parent) | dataclasses.asdict(settings)
     RunFolder(path.parent).write_json(source_file(path).name, plain(source))
-    with replacing(path) as temporary:  # last: its presence says that the job is done
+    with replacing(path) as temporary:  # last: its presence says that it is done
         results.to_csv(temporary, index=False)
 
 
 def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
-    """Find the run of ``config`` below ``runs``, if there is one, whatever machine it was made for.
+    """Find the run of ``config`` below ``runs``, at whatever depth and for whatever machine it was made.
 
     It is told by its settings: another run of the same model, which somebody trained on, may lie beside it.
     """
-    folders = runs.glob(f"{config.task}/{config.model}-{config.algo}-*/config.yaml")
+    folders = runs.glob(f"**/{config.task}/{config.model}-{config.algo}-*/config.yaml")
     matching = (run for path in sorted(folders) if _same(run := RunFolder(path.parent), config))
     return next(matching, None)
 
 
-def _trained_run(runs: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
+def _trained_run(runs: Path, known: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
     """The finished run: as it is, resumed, or made now. Raises UserError if it failed."""
-    run = find_run(runs, config)
+    run = find_run(known, config)
     state = run.status().get("state") if run else None
     if run and state == FINISHED:
         return run
@@ -115,7 +129,7 @@ class _Watch(Progress):
         self.on_step(done)
 
     def on_step(self, done: int) -> None:
-        self._progress(_TRAINING_SHARE * done / self._total, self._text)
+        self._progress(done / self._total, self._text)
 
     def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
         training = f"{measures['seeds_training']:.0f} seeds, " if "seeds_training" in measures else ""

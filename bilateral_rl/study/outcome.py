@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
 
 from bilateral_rl.analysis import results
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.study.grid import Table
 from bilateral_rl.study.model_job import find_run
-from bilateral_rl.study.plan import is_supervised, results_file, runs_folder
+from bilateral_rl.study.plan import is_supervised
 from bilateral_rl.study.provenance import is_stale, read_source, source_path
 
 _MOST_POINTS, _MOST_VALUES = 10**5, 10**7
@@ -43,20 +43,43 @@ def unsourced(results_paths: Iterable[Path]) -> list[Path]:
     return [path for path in results_paths if path.is_file() and "weights_hash" not in read_source(path)]
 
 
-def results_of(folder: Path, configs: Sequence[TrainConfig]) -> pd.DataFrame:
-    """Read the long table of the trainings that are done. Raises UserError as :func:`read_result`."""
-    paths = [folder / results_file(config) for config in configs]
-    tables = [read_result(path) for path in paths if path.is_file()]
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=list(COLUMNS))
+class StudyResults:
+    """The tables of results in a study's folder, each read once.
+
+    Args:
+        folder: the study's.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._read: dict[Table, pd.DataFrame] = {}
+
+    def of(self, tables: Iterable[Table]) -> pd.DataFrame:
+        """Return one long table of those that are there. Raises UserError as :func:`read_result`."""
+        there = [self._one(table) for table in tables if (self._folder / table.path).is_file()]
+        return pd.concat(there, ignore_index=True) if there else pd.DataFrame(columns=list(COLUMNS))
+
+    def named(self, tables: Iterable[Table]) -> pd.DataFrame:
+        """Return the same with columns that tell trainings and combined lesions apart."""
+        named = [self.of([table]).assign(training=table.training.name, lesions_of=table.lesions) for table in tables]
+        columns = ["training", "lesions_of", *COLUMNS]
+        there = [table for table in named if len(table)]
+        return pd.concat(there, ignore_index=True)[columns] if there else pd.DataFrame(columns=columns)
+
+    def _one(self, table: Table) -> pd.DataFrame:
+        if table not in self._read:
+            self._read[table] = read_result(self._folder / table.path)
+        return self._read[table]
 
 
-def runs_of(folder: Path, configs: Sequence[TrainConfig]) -> dict[str, list[RunFolder]]:
-    """Find the runs of the trainings that are done, by model."""
+def runs_of(folder: Path, tables: Iterable[Table]) -> dict[str, list[RunFolder]]:
+    """Find the runs of the trainings of which there are results, by model."""
+    trainings = dict.fromkeys(table.training for table in tables if (folder / table.path).is_file())
     runs: dict[str, list[RunFolder]] = {}
-    for config in configs:
-        run = find_run(folder / runs_folder(config), config) if (folder / results_file(config)).is_file() else None
+    for training in trainings:
+        run = find_run(folder / "runs", training.config)
         if run is not None:
-            runs.setdefault(config.model, []).append(run)
+            runs.setdefault(training.config.model, []).append(run)
     return runs
 
 

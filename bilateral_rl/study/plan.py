@@ -1,11 +1,11 @@
-"""What reproducing the paper takes: a study's description, and the jobs that it comes to."""
+"""What reproducing the paper takes: a study's description, and the trainings that it comes to."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
@@ -15,7 +15,6 @@ from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.config.seeds import FIRST_CONFIRMING_SEED
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.study.jobs import Job
 from bilateral_rl.vocabulary import PROFILES
 
 TRAIN_AND_MEASURE = "bilateral_rl.study.model_job:train_and_measure"
@@ -27,7 +26,7 @@ CALIBRATED: dict[str, Values] = {
 """What the paper leaves open, in profile ``paper``. Radii and penalty were chosen for claims C1 to C3, on unilateral
 models only, from the grid in ``docs/paper.md``; C4 to C14 are tests of what was chosen."""
 _QUICK_TESTS = {"trials": 256, "retraining_trials": 640}
-_SET_BY_STUDY = ("algo", "model", "task", "seeds", "profile")
+SET_BY_STUDY = ("algo", "model", "task", "seeds", "profile")
 """Settings that tell a study's trainings apart, or that it has options for."""
 _SPECIALIZED_COST = 1.25
 """Cost of a training with two losses, against that of one."""
@@ -56,7 +55,7 @@ class Study:
         check_choice("profile", self.profile, PROFILES)
         if self.seeds < 1:
             raise UserError(f"--seeds must be at least 1, got {self.seeds}.")
-        fixed = [name for name in _SET_BY_STUDY if name in self.overrides]
+        fixed = [name for name in SET_BY_STUDY if name in self.overrides]
         if fixed:
             raise UserError(f"--set cannot change {fixed[0]}, which the study itself sets; leave it out.")
 
@@ -73,13 +72,12 @@ class Study:
         first = self.overrides.get("seed", self.first_seed)
         return "confirmation" if first >= FIRST_CONFIRMING_SEED else "exploration"
 
-    @property
-    def n_jobs(self) -> int:
-        """Number of jobs that the study comes to."""
-        return len(JUDGED_RADII) * len(MODELS) * (1 if is_supervised(self.algo) else self.seeds)
-
-    def configs(self, threads: int = 1) -> list[TrainConfig]:
+    def configs(self, threads: int = 1, training: Mapping[str, Values] = {}) -> list[TrainConfig]:
         """The configuration of every training: of all seeds at once if supervised, else one a seed.
+
+        Args:
+            threads: CPU threads of each.
+            training: settings on top of the study's, by task.
 
         Raises:
             UserError: settings that cannot be.
@@ -89,20 +87,25 @@ class Study:
             of_study["profile"] = self.profile
         layers = [quick_settings(self.algo) if self.quick else {}, of_study]
         configs = [
-            resolve(self.algo, task, [*layers, self._calibrated(task), self.overrides], model=model)
+            resolve(
+                self.algo,
+                task,
+                [*layers, self._calibrated(task), self.overrides, training.get(task, {})],
+                model=model,
+            )
             for task in JUDGED_RADII
             for model in MODELS
         ]
         if any(config.trial.noisy or config.trial.feedback_delay for config in configs):
-            raise UserError("After a lesion networks are retrained without noise or delay; leave both out of --set.")
+            raise UserError("After a lesion networks are retrained without noise or delay; leave both out.")
         if is_supervised(self.algo):
             return configs
         return [dataclasses.replace(config, seed=seed, seeds=1) for config in configs for seed in config.all_seeds]
 
-    def jobs(self, threads: int = 1) -> list[Job]:
-        """One job for each training. Raises UserError for settings that cannot be."""
-        tests: dict[str, Any] = {"profile": self.profile} | (_QUICK_TESTS if self.quick else {})
-        return [_job(config, tests, threads) for config in self.configs(threads)]
+    @property
+    def tests(self) -> Values:
+        """Settings of every test of its networks (:class:`~bilateral_rl.study.lesioning.LesionSettings`)."""
+        return dict(_QUICK_TESTS) if self.quick else {}
 
     def _calibrated(self, task: str) -> Values:
         return CALIBRATED[task] if (self.algo, self.profile) == ("bptt", "paper") else {}
@@ -110,25 +113,6 @@ class Study:
     def to_values(self) -> Values:
         """The contents of ``study.yaml``."""
         return dataclasses.asdict(self)
-
-
-def job_name(config: TrainConfig) -> str:
-    """The name of the job that trains ``config``."""
-    seed = "" if is_supervised(config.algo) else f"-seed-{config.seed}"
-    return f"{config.task}/{config.model}{seed}"
-
-
-def results_file(config: TrainConfig) -> str:
-    """The file of the results of ``config``, relative to the study's folder."""
-    return f"results/{job_name(config)}.csv"
-
-
-def runs_folder(config: TrainConfig) -> str:
-    """The folder that holds the run of ``config``, relative to the study's folder.
-
-    Seeds that are runs of their own lie in folders of their own: the jobs need not agree on who takes which number.
-    """
-    return "runs" if is_supervised(config.algo) else f"runs/seed-{config.seed}"
 
 
 def cost_of(config: TrainConfig) -> float:
@@ -139,22 +123,6 @@ def cost_of(config: TrainConfig) -> float:
 def is_supervised(algo: str) -> bool:
     """Whether all seeds of a model are one training, and so one job; otherwise each is a job, for more at a time."""
     return algo == "bptt"
-
-
-def _job(config: TrainConfig, tests: Mapping[str, Any], threads: int) -> Job:
-    return Job(
-        name=job_name(config),
-        work=TRAIN_AND_MEASURE,
-        result=results_file(config),
-        arguments={
-            "config": config.to_values(),
-            "lesions": dict(tests),
-            "runs": runs_folder(config),
-            "result": results_file(config),
-        },
-        cost=cost_of(config),
-        threads=threads,
-    )
 
 
 def side_by_side(requested: int | None, n_jobs: int) -> tuple[int, int]:

@@ -15,7 +15,7 @@ import yaml
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.analysis.metrics import metrics_of
-from bilateral_rl.claims import Claim, margins
+from bilateral_rl.claims import Claim, Judgement, margins
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.io.files import replacing
@@ -63,9 +63,14 @@ class Findings:
     study: Study
     configs: Sequence[TrainConfig]
     outcomes: Sequence[JobOutcome]
-    claims: Sequence[Claim]
+    judgements: Sequence[Judgement]
     tables: Sequence[ReportTable]
     pictures: Sequence[Picture]
+
+    @property
+    def claims(self) -> Sequence[Claim]:
+        """The claims as the first reading judges them."""
+        return self.judgements[0].claims
 
 
 def write_report(findings: Findings, path: Path) -> None:

@@ -8,13 +8,14 @@ from pathlib import Path
 import pandas as pd
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
-from bilateral_rl.claims import Claim, evaluate_claims
+from bilateral_rl.claims import Judgement, evaluate_claims
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.files import replacing
 from bilateral_rl.study.drawing import draw_study
+from bilateral_rl.study.grid import Grid, Table
 from bilateral_rl.study.jobs import JobOutcome
-from bilateral_rl.study.outcome import results_of, runs_of
-from bilateral_rl.study.plan import Study
+from bilateral_rl.study.outcome import StudyResults, runs_of
+from bilateral_rl.study.readings import Reading
 from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.report_table import ReportTable
 from bilateral_rl.study.tables import study_tables
@@ -23,54 +24,71 @@ REPORT, RESULTS, CLAIMS = "report.html", "results.csv", "claims.csv"
 
 
 def conclude(
-    study: Study, folder: Path, outcomes: Sequence[JobOutcome], say: Callable[[str], None] = lambda _: None
-) -> list[Claim]:
-    """Compute, draw and write everything that follows from the trainings that are done.
+    grid: Grid, folder: Path, outcomes: Sequence[JobOutcome], say: Callable[[str], None] = lambda _: None
+) -> list[Judgement]:
+    """Compute, draw and write everything that follows from the tables of results that are there.
+
+    Tables and figures are of the trainings of the first reading, by all protocols of which they have results.
 
     Args:
-        study: the study whose trainings they are.
+        grid: the study's trainings under its readings.
         folder: folder of the study; results, claims, tables, figures and the report are written into it.
         outcomes: how its jobs ended.
         say: called with a few words on what is being done.
 
     Returns:
-        The claims with their verdicts.
+        The claims as each reading judges them.
 
     Raises:
         UserError: damaged or stale results, or a figure that cannot be written.
     """
-    configs = study.configs()
-    results = results_of(folder, configs)
+    read = StudyResults(folder)
     say("computing the claims")
-    claims = evaluate_claims(results, JUDGED_RADII)
-    tables = list(study_tables(results, JUDGED_RADII))
-    _write(results, claims, tables, folder)
+    judgements = [_judge(reading, read.of(grid.tables_of(reading))) for reading in grid.readings]
+    shown, radii = _shown(grid), grid.readings[0].criteria.radii
+    results = read.of(shown)
+    tables = list(study_tables(results, radii))
+    _write(read.named(grid.all_tables), judgements, tables, folder)
     say("drawing the figures")
-    runs = {task: runs_of(folder, [config for config in configs if config.task == task]) for task in JUDGED_RADII}
+    runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in JUDGED_RADII}
     pictures = [
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
-        for drawing in draw_study(results, JUDGED_RADII, runs)
+        for drawing in draw_study(results, radii, runs)
     ]
     say("writing the report")
-    write_report(Findings(study, configs, outcomes, claims, tables, pictures), folder / REPORT)
-    return claims
+    configs = list(dict.fromkeys(table.training.config for table in shown))
+    write_report(Findings(grid.study, configs, outcomes, judgements, tables, pictures), folder / REPORT)
+    return judgements
 
 
-def _write(results: pd.DataFrame, claims: Sequence[Claim], tables: Sequence[ReportTable], folder: Path) -> None:
+def _judge(reading: Reading, results: pd.DataFrame) -> Judgement:
+    claims = evaluate_claims(results, reading.criteria)
+    return Judgement(reading.name, claims, reading.anchor, reading.choices, reading.why, reading.source)
+
+
+def _shown(grid: Grid) -> list[Table]:
+    """The tables of the first reading's trainings: those by its protocol, then all others of the same lesions."""
+    first = {table.training: table for table in grid.tables_of(grid.readings[0])}
+    return [t for training, table in first.items() for t in grid.tables[training] if t.lesions == table.lesions]
+
+
+def _write(results: pd.DataFrame, judgements: Sequence[Judgement], tables: Sequence[ReportTable], folder: Path) -> None:
     _csv(results, folder / RESULTS)
-    _csv(_claims_table(claims), folder / CLAIMS)
+    _csv(pd.concat([_claims_table(judgement) for judgement in judgements], ignore_index=True), folder / CLAIMS)
     (folder / "tables").mkdir(exist_ok=True)
     for table in tables:
         _csv(table.frame(), folder / "tables" / f"{table.name}.csv")
 
 
-def _claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
-    """A table with a row for each component of a claim."""
+def _claims_table(judgement: Judgement) -> pd.DataFrame:
+    """A table with a row for each component of a claim; those that stand beside it say how they are judged."""
     return pd.DataFrame(
         {
+            "reading": judgement.reading,
             "claim": claim.number,
             "verdict": claim.verdict,
             "statement": claim.statement,
+            "beside": beside,
             "component": component.text,
             "component_verdict": component.verdict,
             "quantity": component.quantity,
@@ -81,9 +99,12 @@ def _claims_table(claims: Sequence[Claim]) -> pd.DataFrame:
             "test": component.test,
             "p": component.p,
             "p_tukey": component.tukey_p,
+            "note": component.note,
+            "no_better_than_fresh": ", ".join(component.relearned),
         }
-        for claim in claims
-        for component in claim.components
+        for claim in judgement.claims
+        for beside, components in [("", claim.components), *((a.name, a.components) for a in claim.beside)]
+        for component in components
     )
 
 

@@ -83,7 +83,8 @@ class Sweep:
         lesions: dict[str, Any] = {
             "lesions": ["intact"], "protocols": [{"retrain": "none"}], "control": False, "trials": self.trials
         }  # fmt: skip
-        arguments = {"config": config.to_values(), "lesions": lesions, "runs": f"runs/{name}", "result": result}
+        tables = [{"lesions": lesions, "result": result}]
+        arguments = {"config": config.to_values(), "tables": tables, "runs": f"runs/{name}"}
         cost = cost_of(config) * len(config.all_seeds)
         return Job(name, TRAIN_AND_MEASURE, result, arguments, cost, threads)
 

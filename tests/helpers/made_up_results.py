@@ -11,6 +11,7 @@ from bilateral_rl.analysis.results import COLUMNS
 METRICS = {
     "completion": ("random_reach", "goal_completion_5cm"),
     "speed": ("random_reach", "speed_to_goal_5cm"),
+    "time": ("random_reach", "time_to_goal_5cm"),
     "hold": ("hold_position", "time_in_goal_5cm"),
 }
 # Intact models that bear out every claim of the paper.
@@ -60,21 +61,21 @@ def standard_noise(n, rng):
     return rng.permutation(values / values.std(ddof=1))
 
 
-def make_results(changes=None, noise=0.004, seeds=10, without=()):
+def make_results(changes=None, noise=0.004, seeds=10, without=(), protocol="output"):
     """Results in which every group has its mean, or that in ``changes``, and ``noise`` times it as spread.
 
-    ``changes`` go by (model, name of the measure, lesion), networks that were not retrained have half the performance
-    after a lesion, and the models in ``without`` were never trained.
+    ``changes`` go by (model, name of the measure, lesion), networks that did not follow ``protocol`` have half the
+    performance after a lesion, and the models in ``without`` were never trained.
     """
     rng = np.random.default_rng(0)
     rows = []
     for (model, name, lesion), mean in (_means() | (changes or {})).items():
         task, metric = METRICS[name]
-        states = {"none": 1.0} if lesion == "intact" else {"output": 1.0, "none": 0.5}
-        for protocol, share in states.items():
+        states = {"none": 1.0} if lesion == "intact" else {protocol: 1.0, "none": 0.5}
+        for followed, share in states.items():
             values = share * mean * (1 + noise * standard_noise(seeds, rng))
             rows += [
-                (model, task, "bptt", seed, lesion, *treated(protocol), metric, v) for seed, v in enumerate(values)
+                (model, task, "bptt", seed, lesion, *treated(followed), metric, v) for seed, v in enumerate(values)
             ]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     return table[~table["model"].isin(without)].reset_index(drop=True)

@@ -8,12 +8,13 @@ import pytest
 from made_up_results import make_results
 from scipy.stats import ttest_rel
 
-from bilateral_rl.claims import evaluate_claims
+from bilateral_rl.claims import Criteria, evaluate_claims
 from bilateral_rl.claims.evaluation import CLAIMS
 from bilateral_rl.claims.evidence import Evidence
 from bilateral_rl.io.errors import UserError
 
 RADII = {"random_reach": 0.05, "hold_position": 0.05}
+CRITERIA = Criteria(radii=RADII)
 NUMBERS = [f"C{i}" for i in range(1, 15)]
 ON_LESIONS = ["C4", "C5", "C6", "C7", "C8"]
 # Changes of single means (model, measure, lesion), and the components that they contradict.
@@ -87,13 +88,14 @@ def _no_warnings():
         yield
 
 
-def evaluate(number, results, hold_radius=0.05):
-    return CLAIMS[number].evaluate(number, Evidence(results, RADII | {"hold_position": hold_radius}))
+def evaluate(number, results, hold_radius=0.05, **criteria):
+    radii = RADII | {"hold_position": hold_radius}
+    return CLAIMS[number].evaluate(number, Evidence(results, Criteria(radii=radii, **criteria)))
 
 
 @pytest.fixture(scope="module")
 def papers_world():
-    return {claim.number: claim for claim in evaluate_claims(make_results(), RADII)}
+    return {claim.number: claim for claim in evaluate_claims(make_results(), CRITERIA)}
 
 
 def test_there_are_fourteen(papers_world):
@@ -101,7 +103,7 @@ def test_there_are_fourteen(papers_world):
 
 
 def verdicts(results):
-    return {claim.number: claim.verdict for claim in evaluate_claims(results, RADII)}
+    return {claim.number: claim.verdict for claim in evaluate_claims(results, CRITERIA)}
 
 
 def test_results_like_the_papers_support_every_claim(papers_world):
@@ -132,7 +134,7 @@ def test_every_claim_is_contradicted_by_something():
 
 
 def test_without_results_nothing_is_decided():
-    for claim in evaluate_claims(make_results().iloc[:0], RADII):
+    for claim in evaluate_claims(make_results().iloc[:0], CRITERIA):
         assert claim.verdict == "undecided"
         assert "no results of " in claim.note
         assert "no results of " in claim.numbers
@@ -162,14 +164,16 @@ def test_a_missing_model_does_not_save_a_claim_that_another_contradicts():
 
 
 def test_one_seed_decides_nothing():
-    for claim in evaluate_claims(make_results(seeds=1), RADII):
+    for claim in evaluate_claims(make_results(seeds=1), CRITERIA):
         assert claim.verdict == "undecided"
         assert "1 seed: no test" in claim.note
 
 
 def test_few_seeds_are_said():
     for seeds in (2, 3):
-        assert all(f"only {seeds} seeds" in claim.note for claim in evaluate_claims(make_results(seeds=seeds), RADII))
+        assert all(
+            f"only {seeds} seeds" in claim.note for claim in evaluate_claims(make_results(seeds=seeds), CRITERIA)
+        )
 
 
 def test_few_seeds_need_more_certainty():
@@ -213,11 +217,127 @@ def test_lesions_without_retraining_stand_beside_and_decide_nothing():
         results.loc[bare, "value"] = rng.permutation(results.loc[bare, "value"])
         claim = evaluate(number, results)
         assert claim.verdict == "supported"
-        assert len(claim.without_retraining) == len(claim.components)
-        verdicts = [component.verdict for component in claim.without_retraining]
-        assert "not supported" in verdicts or "undecided" in verdicts
-        assert "without the retraining epoch" in claim.note
+        (without,) = claim.beside
+        assert without.name == "without retraining"
+        assert len(without.components) == len(claim.components)
+        assert without.verdict != "supported"
+        assert without.summary in claim.note
         assert evaluate(number, results[~bare]).verdict == "supported"
+
+
+def test_networks_that_are_not_retrained_can_decide_and_then_nothing_stands_beside():
+    results = make_results(protocol="everything")
+    claim = evaluate("C4", results[results["protocol"] == "none"], protocol="none")
+    assert claim.verdict == "supported"
+    assert claim.beside == ()
+
+
+def test_only_results_of_the_protocol_that_is_asked_for_decide():
+    results = make_results(protocol="everything-3-epochs")
+    for number in ON_LESIONS:
+        assert evaluate(number, results, protocol="everything-3-epochs").verdict == "supported"
+        assert evaluate(number, results, protocol="everything").verdict == "undecided"
+
+
+# What hemispheres do alone, where the dominant one is faster in reach and completes fewer.
+_SIDES = {("bi_s", "deep_non_dominant"): (60, 2.2, 30), ("bi_s", "deep_dominant"): (90, 1.6, 20)}
+_SIDES |= {("bi_ns", lesion): (75, 1.9, 25) for lesion in ("deep_non_dominant", "deep_dominant")}
+FAST_BUT_FEW = {
+    (model, name, lesion): value
+    for (model, lesion), values in _SIDES.items()
+    for name, value in zip(("completion", "speed", "time"), values, strict=True)
+}
+
+
+def test_a_claim_holds_by_the_measure_of_a_reach_that_is_asked_for():
+    results = make_results(FAST_BUT_FEW)
+    verdicts = {
+        measures: evaluate("C4", results, measures=measures).verdict
+        for measures in (("completion",), ("speed",), ("completion", "speed"))
+    }
+    assert verdicts == {
+        ("completion",): "not supported",
+        ("speed",): "supported",
+        ("completion", "speed"): "not supported",  # it must hold by both
+    }
+
+
+def test_beside_speed_stands_what_counts_reaches_that_fail():
+    claim = evaluate("C4", make_results(FAST_BUT_FEW), measures=("speed",))
+    without, by_time = claim.beside
+    assert (without.name, by_time.name) == ("without retraining", "by mean time to goal")
+    # Of a time, less is better: the dominant side takes 30 steps, the other 20, and those of bi_ns 25.
+    assert [component.verdict for component in by_time.components] == ["not supported"] * 5
+    assert by_time.components[0].text == (
+        "Time to goal of 5 cm (random_reach): non-dominant hemisphere of bi_s > dominant hemisphere of bi_s"
+    )
+    assert "by mean time to goal not supported (5 not supported)" in claim.note
+    faster = FAST_BUT_FEW | {("bi_s", "time", "deep_non_dominant"): 15, ("bi_s", "time", "deep_dominant"): 35}
+    by_time = evaluate("C4", make_results(faster), measures=("speed",)).beside[1]
+    assert by_time.verdict == "supported"
+    assert evaluate("C4", make_results(faster)).beside[1:] == ()  # completion counts them already
+
+
+def test_speed_is_said_to_be_of_reaches_that_succeed_and_of_how_many():
+    claim = evaluate("C4", make_results(FAST_BUT_FEW), measures=("speed",))
+    by_speed = [component for component in claim.components if "Speed" in component.text]
+    assert len(by_speed) == 5
+    for component in by_speed:
+        assert "biased where few do" in component.note
+    assert "dominant hemisphere of bi_s 60.00 ± 0.24 %, non-dominant hemisphere of bi_s 90.00 ± 0.36 %" in claim.note
+    assert "biased" not in evaluate("C4", make_results(FAST_BUT_FEW)).note
+
+
+def test_recovery_in_time_is_that_of_the_intact_network_over_the_lesioned_ones():
+    times = {("cc_s", "time", "intact"): 19.5, ("cc_s", "time", "callosum"): 20}
+    times |= {("cc_ns", "time", "intact"): 10, ("cc_ns", "time", "callosum"): 20}
+    (_, by_time) = evaluate("C8", make_results(times), measures=("speed",)).beside
+    assert [component.verdict for component in by_time.components] == ["supported", "not supported"]
+    assert [component.estimate.value for component in by_time.components] == pytest.approx([0.975, 0.5], rel=1e-3)
+
+
+def test_a_reach_may_end_at_the_third_step_within_the_goal():
+    results = make_results()
+    assert evaluate("C2", results, arrival="third").verdict == "undecided"
+    results["metric"] = results["metric"].replace("speed_to_goal_5cm", "speed_to_third_step_5cm")
+    assert evaluate("C2", results, arrival="third").verdict == "supported"
+
+
+def test_a_hemisphere_may_be_alone_after_a_shallow_lesion_of_the_other():
+    # As the deep ones, with the sides exchanged where only deep lesions are looked at.
+    swapped = {"deep_dominant": "shallow_dominant", "deep_non_dominant": "shallow_non_dominant"}
+    results = make_results()
+    results = results[~results["lesion"].isin(swapped.values())].replace({"lesion": swapped})
+    assert evaluate("C4", results).verdict == "undecided"
+    for number in ("C4", "C5", "C7"):
+        assert evaluate(number, results, alone="shallow").verdict == "supported"
+
+
+def test_states_that_are_no_better_than_fresh_networks_are_named_and_decide_nothing():
+    results = make_results()
+    assert all(component.relearned == () for component in evaluate("C4", results).components)  # nobody knows
+    control = results.assign(network="fresh")
+    control["value"] *= 0.5
+    side = (results["model"] == "bi_s") & (results["lesion"] == "deep_dominant")
+    control.loc[side & (results["task"] == "random_reach"), "value"] *= 3
+    both = pd.concat([results, control])
+    claim = evaluate("C4", both)
+    assert claim.verdict == "supported"
+    assert {name for component in claim.components for name in component.relearned} == {
+        "non-dominant hemisphere of bi_s in random_reach"
+    }
+    assert "no better than a fresh network: non-dominant hemisphere of bi_s in random_reach" in claim.note
+
+
+def test_of_speed_the_time_to_the_goal_says_whether_a_state_is_better_than_a_fresh_network():
+    # Fresh networks have a few lucky, fast reaches, and hardly any other.
+    results = make_results(FAST_BUT_FEW)
+    control = results.assign(network="fresh")
+    control.loc[results["metric"] == "speed_to_goal_5cm", "value"] = 9.0
+    control.loc[results["metric"] == "time_to_goal_5cm", "value"] = 49.0
+    control.loc[results["task"] == "hold_position", "value"] = 1.0
+    claim = evaluate("C4", pd.concat([results, control]), measures=("speed",))
+    assert all(component.relearned == () for component in claim.components)
 
 
 def test_states_of_a_network_are_paired_and_models_are_not():
@@ -304,6 +424,6 @@ def test_time_in_the_goal_of_reaches_is_no_hold():
 def test_results_that_cannot_be_told_apart_are_refused():
     results = make_results()
     with pytest.raises(UserError, match="one algorithm, not of bptt and ppo"):
-        evaluate_claims(pd.concat([results, results.assign(algo="ppo")]), RADII)
+        evaluate_claims(pd.concat([results, results.assign(algo="ppo")]), CRITERIA)
     with pytest.raises(UserError, match="several values of goal_completion_5cm"):
         evaluate("C1", pd.concat([results, results]))

@@ -7,14 +7,14 @@ import pytest
 from made_up_results import make_results
 
 from bilateral_rl.analysis.power import Spread
-from bilateral_rl.claims import designs, evaluate_claims
+from bilateral_rl.claims import Criteria, designs, evaluate_claims
 
 RADII = {"random_reach": 0.05, "hold_position": 0.05}
 
 
 @pytest.fixture(scope="module")
 def planned():
-    claims = evaluate_claims(make_results(noise=0.1), RADII)
+    claims = evaluate_claims(make_results(noise=0.1), Criteria(radii=RADII))
     return {claim.number: [component.design for component in claim.components] for claim in claims}
 
 
@@ -64,10 +64,10 @@ def test_the_spread_of_a_ratio_is_that_of_what_is_tested():
 
 
 def test_one_seed_plans_nothing():
-    for claim in evaluate_claims(make_results(seeds=1), RADII):
+    for claim in evaluate_claims(make_results(seeds=1), Criteria(radii=RADII)):
         assert all(component.design.seeds() is None for component in claim.components)
 
 
 def test_what_is_missing_plans_nothing():
-    for claim in evaluate_claims(make_results().iloc[:0], RADII):
+    for claim in evaluate_claims(make_results().iloc[:0], Criteria(radii=RADII)):
         assert all(component.design is None for component in claim.components)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from made_up_results import make_results
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.claims import evaluate_claims
+from bilateral_rl.claims import Criteria, evaluate_claims
 from bilateral_rl.claims.effects import from_line, inside
 from bilateral_rl.claims.rules import is_within
 
@@ -52,14 +52,14 @@ def test_an_effect_is_above_zero_just_where_its_range_is_supported(estimate, lin
 
 
 def test_every_component_of_a_claim_that_holds_has_its_effect_on_the_claims_side():
-    for claim in evaluate_claims(make_results(), RADII):
+    for claim in evaluate_claims(make_results(), Criteria(radii=RADII)):
         for component in claim.components:
             assert component.effect.value > (-0.02 if "not conclusively" in component.text else 0), component.text
             assert component.effect.n == component.estimate.n
 
 
 def test_effects_are_shares_of_the_mean():
-    claims = {claim.number: claim for claim in evaluate_claims(make_results(), RADII)}
+    claims = {claim.number: claim for claim in evaluate_claims(make_results(), Criteria(radii=RADII))}
     # 96.7 against 94.6 %; 22 for the dominant loss, and 30 for the other one, so 1.5 between 1.25 and 1.75.
     assert claims["C1"].components[2].effect.value == pytest.approx(2.1 / 95.65)
     assert claims["C3"].components[0].effect.value == pytest.approx(0.25)

@@ -12,7 +12,7 @@ from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import build_network, build_policy, stack_states
-from bilateral_rl.study import lesion_folder, plan, sweep
+from bilateral_rl.study import grid, lesion_folder, sweep
 
 SHORT = {"trial": {"trial_length": 10}}
 SHORT_BPTT = {"bptt": {"trials": 32, "batch_size": 16}}
@@ -22,7 +22,7 @@ SHORT_BPTT = {"bptt": {"trials": 32, "batch_size": 16}}
 def toy_models(monkeypatch):
     """Trainings take the results that lie in ``prepared``, beside the study's folder, and fail where there are none."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "study"))
-    for module in (plan, sweep):
+    for module in (grid, sweep):
         monkeypatch.setattr(module, "TRAIN_AND_MEASURE", "toy_models:measure")
 
 

@@ -29,12 +29,13 @@ QUICK = ("reproduce", "--quick", "--jobs", 4, "--out", "study")
 @pytest.fixture
 def prepared(tmp_path, toy_models, monkeypatch):
     """Results of every training that bear out the paper, and one small figure in the place of all that is shown."""
-    results = make_results()
-    results["metric"] = results["metric"].replace("time_in_goal_5cm", "time_in_goal_1cm")
-    for (task, model), rows in results.groupby(["task", "model"]):
-        path = tmp_path / "prepared" / task / f"{model}.csv"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        rows.to_csv(path, index=False)
+    for protocol in ("output", "everything"):
+        results = make_results(protocol=protocol)
+        results["metric"] = results["metric"].replace("time_in_goal_5cm", "time_in_goal_1cm")
+        for (task, model, followed), rows in results.groupby(["task", "model", "protocol"]):
+            path = tmp_path / "prepared" / "base" / task / model / f"{followed}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            rows.to_csv(path, index=False)
     figure = Drawing("models_random_reach", "Models.", new_figure(1.0))
     monkeypatch.setattr(reproduction, "draw_study", lambda *_: iter([figure]))
     monkeypatch.setattr(reproduction, "study_tables", lambda *_: iter([]))
@@ -42,7 +43,7 @@ def prepared(tmp_path, toy_models, monkeypatch):
 
 
 def test_a_training_that_fails_stops_nothing_and_is_tried_again(invoke, prepared, tmp_path, monkeypatch):
-    missing = prepared / "hold_position" / "uni_ndl.csv"
+    missing = prepared / "base" / "hold_position" / "uni_ndl" / "none.csv"
     kept = missing.rename(prepared / "kept.csv")
     code, out = invoke(*QUICK)
     assert code == 0
@@ -63,7 +64,8 @@ def test_a_training_that_fails_stops_nothing_and_is_tried_again(invoke, prepared
     code, out = invoke(*QUICK)
     assert code == 0
     assert "13 of 14 jobs were done before." in out
-    assert "Of 14 claims: 14 supported" in out
+    assert "text: Of 14 claims: 14 supported" in out
+    assert "everything: Of 14 claims: 14 supported" in out
     grown = [path for path, before in logs.items() if path.read_bytes() != before]
     assert grown == [tmp_path / "study" / "logs" / "hold_position" / "uni_ndl.log"]
 
@@ -73,6 +75,33 @@ def test_a_training_that_fails_stops_nothing_and_is_tried_again(invoke, prepared
     assert code == 0
     assert "14 of 14 jobs were done before." in out
     assert (tmp_path / "study" / "report.html").is_file()
+
+
+def test_with_more_readings_it_makes_what_is_missing(invoke, prepared, tmp_path):
+    _, out = invoke(*QUICK, "--readings", "text")
+    assert "Left to do: about" in out
+    assert re.search(r"base +│ 42 +│ 42 +│ none, output +│ 22 of 22 ", out)
+    made = {path: path.stat().st_mtime_ns for path in (tmp_path / "study" / "results").rglob("*.csv")}
+    assert {path.name for path in made} == {"none.csv", "output.csv"}
+    _, out = invoke(*QUICK, "--readings", "everything", "--readings", "text-speed")
+    assert re.search(r"base +│ 42 +│ 24 +│ none, everything, output +│ 8 of 30 ", out)
+    assert "6 of 14 jobs were done before." in out  # of unilateral networks
+    assert {path: path.stat().st_mtime_ns for path in made} == made
+    assert re.search(r"C4 .*supported +│ undecided", out)  # the speed of lesioned networks was not made up
+    assert set(pd.read_csv(tmp_path / "study" / "claims.csv")["reading"]) == {"everything", "text-speed"}
+
+
+def test_of_many_readings_the_verdicts_are_counted(invoke, prepared):
+    readings = ("text", "everything", "text-speed", "everything-speed")
+    _, out = invoke(*QUICK, *(word for name in readings for word in ("--readings", name)))
+    assert re.search(r"C1 .*│ 4 +│ 0 +│ 0 ", out)
+    assert re.search(r"C4 .*│ 2 +│ 0 +│ 2 ", out)
+
+
+def test_a_file_can_be_a_reading(invoke, prepared, tmp_path):
+    (tmp_path / "mine.yaml").write_text("{anchor: everything, why: Why not., source: Nobody.}")
+    _, out = invoke(*QUICK, "--readings", "mine.yaml")
+    assert "mine: Of 14 claims: 14 supported" in out
 
 
 @pytest.fixture
@@ -152,6 +181,10 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outco
         (["--seeds", "0..4", "--set", "seed=7"], r"--seeds 0\.\.4 names the first seed, and so does --set seed"),
         (["--jobs", 0], "--jobs must be at least 1"),
         (["--algo", "dqn"], "Unknown algorithm"),
+        (["--readings", "mine"], "Unknown reading 'mine'"),
+        (["--readings", "nothing.yaml"], "Cannot read the configuration nothing.yaml"),
+        (["--readings", "all", "--algo", "ppo"], "by ppo"),
+        (["--readings", "all", "--profile", "released"], "so does --profile released"),
         (["--profile", "mine"], "Unknown profile"),
         (["--set", "model=cc_s"], "--set cannot change model"),
         (["--set", "epochs=none"], "epochs must be a whole number"),

@@ -4,16 +4,19 @@ import base64
 import io
 import json
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 import yaml
 from PIL import Image
 
 from bilateral_rl.analysis.intervals import Interval
-from bilateral_rl.claims import Claim, Component, margins
+from bilateral_rl.claims import Aside, Claim, Component, Judgement, margins
 from bilateral_rl.runs.folder import versions
+from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
+from bilateral_rl.study.readings import load_readings
 from bilateral_rl.study.report import LOG_LINES, Findings, Picture, counts_of, write_report
 from bilateral_rl.study.report_table import ReportTable
 
@@ -58,6 +61,10 @@ class Page(HTMLParser):
         return dict(zip(words[::2], words[1::2], strict=True))
 
 
+def jobs_of(study):
+    return Grid(study, load_readings()).jobs(Path("nowhere"))
+
+
 def component(text="completion: uni_dl > uni_ndl", verdict="supported", **values):
     fields = {
         "measured": "uni_dl 97 %",
@@ -73,7 +80,12 @@ CLAIMS = [
     Claim(
         "C1", "Reach: the first claim.", (component(), component("ratio", "undecided", test="", note="only 3 seeds"))
     ),
-    Claim("C2", f"Lesions: {BAD}", (component("shallow", "not supported"),), (component("bare", "supported"),)),
+    Claim(
+        "C2",
+        f"Lesions: {BAD}",
+        (component("shallow", "not supported"),),
+        (Aside("bare", (component("bare", "supported"),)),),
+    ),
     Claim("C3", "Hold: the third claim.", (component("hold"),)),
 ]
 
@@ -93,9 +105,10 @@ def page(tmp_path):
 
     def make(study=None, outcomes=None, claims=CLAIMS, tables=(), pictures=()):
         study = study or Study(seeds=2)
-        outcomes = outcomes or [JobOutcome(job, JobState.DONE, 90.0) for job in study.jobs()]
+        outcomes = outcomes or [JobOutcome(job, JobState.DONE, 90.0) for job in jobs_of(study)]
         path = tmp_path / "report.html"
-        write_report(Findings(study, study.configs(), outcomes, claims, tables, pictures), path)
+        judgements = [Judgement("text", claims)]
+        write_report(Findings(study, study.configs(), outcomes, judgements, tables, pictures), path)
         return Page(path)
 
     return make
@@ -112,7 +125,7 @@ def test_every_claim_stands_with_its_statement_parts_numbers_and_verdict(page):
     shown = page()
     for claim in CLAIMS:
         text = shown.text("section", id=claim.number)
-        parts = [*claim.components, *claim.without_retraining]
+        parts = [*claim.components, *(part for aside in claim.beside for part in aside.components)]
         words = [claim.statement, *(part.text for part in parts), *(part.numbers for part in parts)]
         note = f" Note: {claim.note}." if claim.note else ""
         for expected in (*words, f"Test: {claim.tests}.{note}"):
@@ -201,7 +214,7 @@ def test_only_a_preview_says_that_it_is_one(page):
 
 def test_a_failed_training_is_shown_with_its_error_and_the_end_of_its_log(page, tmp_path):
     study = Study(seeds=2)
-    jobs = study.jobs()
+    jobs = jobs_of(study)
     log = tmp_path / "log"
     log.write_bytes("\n".join([f"line {i}" for i in range(40)] + [BAD, "\x1b[31m end"]).encode() + b"\xff")
     outcomes = [JobOutcome(job, JobState.DONE, 90.0, log=log) for job in jobs]
@@ -227,7 +240,7 @@ def test_nothing_that_is_reported_can_act_as_markup(page, tmp_path):
     study = Study(seeds=2)
     log = tmp_path / "log"
     log.write_text(BAD)
-    outcomes = [JobOutcome(job, JobState.FAILED, 1.0, BAD, log) for job in study.jobs()]
+    outcomes = [JobOutcome(job, JobState.FAILED, 1.0, BAD, log) for job in jobs_of(study)]
     shown = page(study, outcomes, tables=[ReportTable(BAD, BAD, [BAD, BAD], [[BAD, BAD]], BAD)])
     assert "script" not in {tag for tag, _ in shown.elements}
     assert sum(text.count(BAD) for _, text in shown.texts) == 2 * 14 + 6 + 2  # jobs, table, a claim in two places

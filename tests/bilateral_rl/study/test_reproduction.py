@@ -9,11 +9,13 @@ from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import reproduction
 from bilateral_rl.study.drawing import Drawing
+from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
+from bilateral_rl.study.readings import load_readings
 from bilateral_rl.study.reproduction import conclude
 
-STUDY = Study()
+TEXT = Grid(Study(), load_readings(["text"]))
 
 
 @pytest.fixture(autouse=True)
@@ -43,19 +45,23 @@ def results_of_study(changes=None):
     return results
 
 
-def fill(folder, results, without=()):
+def fill(folder, results, without=(), grid=TEXT):
     """The results of each job that is not among ``without``; how all jobs ended."""
-    outcomes = []
-    for job in STUDY.jobs():
-        if job.name in without:
-            outcomes.append(JobOutcome(job, JobState.FAILED, 5.0, "ValueError: it went wrong"))
-            continue
-        task, _, model = job.name.partition("/")
-        path = folder / job.result
-        path.parent.mkdir(parents=True, exist_ok=True)
-        results[(results["task"] == task) & (results["model"] == model)].to_csv(path, index=False)
-        outcomes.append(JobOutcome(job, JobState.DONE))
-    return outcomes
+    jobs = {job.name: job for job in grid.jobs(folder)}
+    for table in grid.all_tables:
+        config = table.training.config
+        rows = results[(results["task"] == config.task) & (results["model"] == config.model)]
+        if table.training.job_name not in without:
+            path = folder / table.path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            rows[rows["protocol"] == table.protocol.name].to_csv(path, index=False)
+    failed = (JobState.FAILED, 5.0, "ValueError: it went wrong")
+    return [JobOutcome(job, *(failed if name in without else (JobState.DONE,))) for name, job in jobs.items()]
+
+
+def concluded(folder, *arguments, grid=TEXT):
+    """The claims as the first reading judges them."""
+    return conclude(grid, folder, *arguments)[0].claims
 
 
 def contents(folder):
@@ -69,18 +75,23 @@ def verdicts(claims):
 def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_the_same_twice(tmp_path, one_figure):
     said = []
     outcomes = fill(tmp_path, results_of_study())
-    claims = conclude(STUDY, tmp_path, outcomes, said.append)
+    claims = concluded(tmp_path, outcomes, said.append)
     assert verdicts(claims) == {f"C{i}": "supported" for i in range(1, 15)}
     assert said == ["computing the claims", "drawing the figures", "writing the report"]
     results = pd.read_csv(tmp_path / "results.csv")
     expected = results_of_study()
     assert len(results) == len(expected)
+    assert set(results["training"]) == {"base"}
+    assert set(results["lesions_of"]) == {"paper"}
     assert results["value"].sum() == pytest.approx(expected["value"].sum())
     assert one_figure == [(len(expected), JUDGED_RADII, {"random_reach": {}, "hold_position": {}})]
     parts = pd.read_csv(tmp_path / "claims.csv")
     assert list(parts["claim"].unique()) == [claim.number for claim in claims]
-    assert len(parts) == sum(len(claim.components) for claim in claims)
-    assert set(parts["component_verdict"]) == {"supported"}
+    assert set(parts["reading"]) == {"text"}
+    deciding = parts[parts["beside"].isna()]
+    assert len(deciding) == sum(len(claim.components) for claim in claims)
+    assert set(deciding["component_verdict"]) == {"supported"}
+    assert set(parts.loc[parts["beside"].notna(), "claim"]) == {"C4", "C5", "C6", "C7", "C8"}
     first = claims[0].components[0]
     row = parts.iloc[0]
     assert (row["low"], row["estimate"], row["high"]) == pytest.approx(
@@ -97,13 +108,43 @@ def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_
     assert "Of 14 claims: 14 supported, 0 not supported, 0 undecided." in page
     assert page.count("<img ") == 1
     written = contents(tmp_path)
-    conclude(STUDY, tmp_path, outcomes)
+    concluded(tmp_path, outcomes)
     assert contents(tmp_path) == written
+
+
+def test_readings_judge_the_same_results_each_by_its_own_measure(tmp_path, no_tables):
+    """C4 holds by speed and not by completion: the dominant side of Bi-S is faster, and completes fewer reaches."""
+    readings = ("text", "text-speed", "everything", "text-hold-3cm")
+    grid = Grid(Study(), load_readings(readings))
+    sides = {("bi_s", "deep_non_dominant"): (60, 2.2), ("bi_s", "deep_dominant"): (90, 1.6)}
+    sides |= {("bi_ns", lesion): (75, 1.9) for lesion in ("deep_non_dominant", "deep_dominant")}
+    changes = {
+        (model, name, lesion): value
+        for (model, lesion), values in sides.items()
+        for name, value in zip(("completion", "speed"), values, strict=True)
+    }
+    judgements = conclude(grid, tmp_path, fill(tmp_path, results_of_study(changes), grid=grid))
+    assert [judgement.reading for judgement in judgements] == list(readings)
+    c4 = {judgement.reading: verdicts(judgement.claims)["C4"] for judgement in judgements}
+    assert c4 == {
+        "text": "not supported",
+        "text-speed": "supported",
+        "everything": "undecided",  # nobody retrained everything
+        "text-hold-3cm": "not supported",
+    }
+    c3 = {judgement.reading: verdicts(judgement.claims)["C3"] for judgement in judgements}
+    assert c3 == dict.fromkeys(readings[:3], "supported") | {"text-hold-3cm": "undecided"}  # of 1 cm alone
+    parts = pd.read_csv(tmp_path / "claims.csv")
+    assert list(parts["reading"].unique()) == list(readings)
+    shown = parts[(parts["claim"] == "C4") & parts["beside"].isna()].groupby("reading")["verdict"].first()
+    assert shown.to_dict() == c4
+    speed = judgements[1]
+    assert (speed.anchor, speed.choices["measure of a reach"]) == ("text", "speed")
 
 
 def test_verdicts_follow_the_results(tmp_path, no_tables):
     changes = {("uni_dl", "speed", "intact"): 2.0, ("bi_ns", "hold", "deep_dominant"): 22}
-    claims = conclude(STUDY, tmp_path, fill(tmp_path, results_of_study(changes)))
+    claims = concluded(tmp_path, fill(tmp_path, results_of_study(changes)))
     against = {number for number, verdict in verdicts(claims).items() if verdict == "not supported"}
     assert {"C2", "C5"} <= against
     assert verdicts(claims)["C1"] == verdicts(claims)["C9"] == "supported"
@@ -113,7 +154,7 @@ def test_verdicts_follow_the_results(tmp_path, no_tables):
 
 def test_a_failed_training_leaves_its_claims_undecided_and_the_others_as_they_are(tmp_path, no_tables):
     outcomes = fill(tmp_path, results_of_study(), without={"hold_position/uni_ndl"})
-    claims = {claim.number: claim for claim in conclude(STUDY, tmp_path, outcomes)}
+    claims = {claim.number: claim for claim in concluded(tmp_path, outcomes)}
     assert claims["C3"].verdict == claims["C13"].verdict == "undecided"
     assert claims["C3"].note == "no results of uni_ndl in hold_position"
     assert {claims[number].verdict for number in ("C1", "C2", "C4", "C9", "C12")} == {"supported"}
@@ -124,8 +165,8 @@ def test_a_failed_training_leaves_its_claims_undecided_and_the_others_as_they_ar
 
 
 def test_where_every_training_failed_there_is_a_report_still(tmp_path):
-    outcomes = fill(tmp_path, results_of_study(), without={job.name for job in STUDY.jobs()})
-    claims = conclude(STUDY, tmp_path, outcomes)
+    outcomes = fill(tmp_path, results_of_study(), without={job.name for job in TEXT.jobs(tmp_path)})
+    claims = concluded(tmp_path, outcomes)
     assert set(verdicts(claims).values()) == {"undecided"}
     assert "0 of 14 trainings are done" in (tmp_path / "report.html").read_text()
 
@@ -134,4 +175,4 @@ def test_damaged_results_are_refused_with_what_to_do(tmp_path):
     outcomes = fill(tmp_path, results_of_study())
     (tmp_path / outcomes[4].job.result).write_text("")
     with pytest.raises(UserError, match="remove it and call the command again"):
-        conclude(STUDY, tmp_path, outcomes)
+        concluded(tmp_path, outcomes)

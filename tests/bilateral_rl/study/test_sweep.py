@@ -80,10 +80,11 @@ def test_every_point_has_a_job_of_its_own_name_result_and_runs():
     for job, point in zip(jobs, sweep.points(), strict=True):
         assert json.loads(json.dumps(job.arguments)) == job.arguments
         assert job.arguments["config"] == sweep.config(point, 2).to_values()
-        assert job.arguments["lesions"] == {
+        (table,) = job.arguments["tables"]
+        assert table["lesions"] == {
             "lesions": ["intact"], "protocols": [{"retrain": "none"}], "control": False, "trials": 32,
         }  # fmt: skip
-        assert job.result == job.arguments["result"] == result_file(point)
+        assert job.result == table["result"] == result_file(point)
         assert job.threads == 2
 
 

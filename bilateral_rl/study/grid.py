@@ -1,0 +1,238 @@
+"""What readings of the paper come to: the distinct trainings, and the tables of results that are taken of each.
+
+Readings that differ only after the training share it, and those that differ only in how results are judged share the
+results, too. Each table is a file of its own, so that a study goes on with more readings where it was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bilateral_rl.analysis.goals import JUDGED_RADII
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.config.parse import Values
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import INTACT
+from bilateral_rl.study.costs import table_seconds, training_seconds
+from bilateral_rl.study.folder import MACHINE_SETTINGS
+from bilateral_rl.study.jobs import Job
+from bilateral_rl.study.plan import SET_BY_STUDY, TRAIN_AND_MEASURE, Study, is_supervised
+from bilateral_rl.study.readings import Reading
+
+BASE = "base"
+"""Name of the trainings by the study's own settings."""
+_NONE = Protocol("none")
+_LONGEST_NAME = 100
+
+
+@dataclass(frozen=True)
+class Training:
+    """A training that readings share: one model on one task, of all seeds if they are trained together."""
+
+    name: str
+    """"base", or how its settings differ from the study's own."""
+    config: TrainConfig
+
+    @property
+    def label(self) -> str:
+        """The model, and the seed if each is a training of its own."""
+        return self.config.model + ("" if is_supervised(self.config.algo) else f"-seed-{self.config.seed}")
+
+    @property
+    def job_name(self) -> str:
+        """Name of its job, unique in the study."""
+        return f"{self.config.task}/{self.label}" + ("" if self.name == BASE else f"-{self.name}")
+
+    @property
+    def runs(self) -> str:
+        """The folder of the study that takes its run.
+
+        Trainings of one model on one task have folders of their own: their jobs need not agree on who takes which
+        number.
+        """
+        parts = ["runs"]
+        parts += [] if is_supervised(self.config.algo) else [f"seed-{self.config.seed}"]
+        return "/".join([*parts, *([] if self.name == BASE else [self.name])])
+
+
+@dataclass(frozen=True)
+class Table:
+    """The results of a training by one lesion protocol."""
+
+    training: Training
+    protocol: Protocol
+    lesions: str
+    """Whose combined lesions."""
+    of_study: str
+    """Whose they are if nothing is said."""
+
+    @property
+    def name(self) -> str:
+        """The protocol's name, with whose combined lesions where these are not the study's."""
+        return self.protocol.name + ("" if self.lesions == self.of_study else f"-{self.lesions}-lesions")
+
+    @property
+    def path(self) -> str:
+        """The file that takes it, relative to the study's folder."""
+        training = self.training
+        return f"results/{training.name}/{training.config.task}/{training.label}/{self.name}.csv"
+
+    @property
+    def settings(self) -> Values:
+        """What the networks are put through: fields of :class:`~bilateral_rl.study.lesioning.LesionSettings`."""
+        changed = {
+            f.name: value
+            for f in dataclasses.fields(self.protocol)
+            if (value := getattr(self.protocol, f.name)) != f.default or f.name == "retrain"
+        }
+        settings: Values = {"protocols": [changed], "profile": self.lesions}
+        if self.training.config.spec.architecture == "unilateral":  # nothing to lesion
+            settings |= {"lesions": [INTACT], "control": False}
+        return settings
+
+
+class Grid:
+    """The trainings and tables of a study under several readings, each once.
+
+    Args:
+        study: the study.
+        readings: readings of the paper; their names differ.
+        threads: CPU threads of each training.
+
+    Attributes:
+        study, readings: as given.
+        tables: all tables by training.
+
+    Raises:
+        UserError: settings that cannot be, or a reading that the study's profile or algorithm leaves no room for.
+    """
+
+    def __init__(self, study: Study, readings: Sequence[Reading], threads: int = 1) -> None:
+        self.study, self.readings = study, list(readings)
+        self._threads = threads
+        self._base = {_key(config): config for config in study.configs(threads)}
+        self._trainings: dict[str, list[Training]] = {}
+        self._of = {reading.name: list(self._tables_of(reading)) for reading in readings}
+        self.tables: dict[Training, list[Table]] = {}
+        for table in dict.fromkeys(table for tables in self._of.values() for table in tables):
+            self.tables.setdefault(table.training, []).append(table)
+
+    @property
+    def all_tables(self) -> list[Table]:
+        """Every table, each once."""
+        return [table for tables in self.tables.values() for table in tables]
+
+    def tables_of(self, reading: Reading) -> list[Table]:
+        """The tables by which a reading judges: after its protocol, and without retraining."""
+        return self._of[reading.name]
+
+    def jobs(self, folder: Path) -> list[Job]:
+        """One job for each training, which trains and makes the tables that are not in ``folder`` yet."""
+        return [self._job(training, tables, folder) for training, tables in self.tables.items()]
+
+    def _job(self, training: Training, tables: Sequence[Table], folder: Path) -> Job:
+        missing = [table for table in tables if not (folder / table.path).is_file()]
+        arguments: dict[str, Any] = {
+            "config": training.config.to_values(),
+            "tables": [{"lesions": table.settings | self.study.tests, "result": table.path} for table in missing],
+            "runs": training.runs,
+            "known_runs": "runs",
+        }
+        cost = training_seconds(training.config) + sum(
+            table_seconds(training.config, table.protocol) for table in missing
+        )
+        result = [*tables, *missing][-1].path  # the one that is written last, if any is
+        return Job(training.job_name, TRAIN_AND_MEASURE, result, arguments, cost, self._threads)
+
+    def _tables_of(self, reading: Reading) -> Iterator[Table]:
+        own = self.study.profile
+        for training in self._trainings_of(reading):
+            architecture = training.config.spec.architecture
+            # Combined lesions are of a callosum and one side.
+            lesions = reading.lesion_profile(own) if architecture == "callosal" else own
+            protocols = [_NONE] if architecture == "unilateral" else [_NONE, reading.protocol]
+            for protocol in dict.fromkeys(protocols):
+                yield Table(training, protocol, lesions, own)
+
+    def _trainings_of(self, reading: Reading) -> list[Training]:
+        settings = {task: reading.training_of(task) for task in JUDGED_RADII}
+        key = repr(settings)
+        if key not in self._trainings:
+            self._trainings[key] = self._new_trainings(reading, settings)
+        _check_protocol(reading, self.study)
+        return self._trainings[key]
+
+    def _new_trainings(self, reading: Reading, settings: Mapping[str, Values]) -> list[Training]:
+        _check_training(reading, settings, self.study)
+        try:
+            configs = self.study.configs(self._threads, settings)
+        except UserError as error:
+            raise UserError(f"The reading {reading.name} cannot be trained. {error}") from None
+        return [Training(_name(config, self._base[_key(config)]), config) for config in configs]
+
+
+def _check_training(reading: Reading, settings: Mapping[str, Values], study: Study) -> None:
+    """Raise a UserError for settings of trainings that are not the reading's to choose."""
+    names = {name for values in settings.values() for name in values}
+    fixed = [name for name in (*SET_BY_STUDY, "seed") if name in names]
+    if fixed:
+        raise UserError(f"The reading {reading.name} cannot change {fixed[0]}, which the study itself sets.")
+    if names and not is_supervised(study.algo):
+        raise UserError(
+            f"The reading {reading.name} changes the training by bptt, and this study trains by {study.algo}; leave it "
+            "out, or --algo."
+        )
+    penalty = {name for values in settings.values() for name in values.get("bptt", {}) if name.startswith("penalty")}
+    if study.profile == "released" and penalty:
+        raise _is_fixed(reading, "the weight penalty")
+
+
+def _check_protocol(reading: Reading, study: Study) -> None:
+    """Raise a UserError for lesions, or a retraining, that the study leaves no room for."""
+    protocol = reading.protocol
+    if study.profile == "released" and (protocol.penalty is not None or protocol.penalty_coefficient is not None):
+        raise _is_fixed(reading, "the weight penalty")
+    if study.profile == "released" and reading.lesions is not None:
+        raise _is_fixed(reading, "the combined lesions")
+    for name, used in (("optimizer", protocol.optimizer == "continued"), ("trials", protocol.trials == "training")):
+        if used and not is_supervised(study.algo):
+            raise UserError(
+                f"The reading {reading.name} goes on with the training's {name}, which a training by {study.algo} does "
+                "not leave; leave it out, or --algo."
+            )
+
+
+def _is_fixed(reading: Reading, what: str) -> UserError:
+    return UserError(
+        f"The reading {reading.name} sets {what}, and so does --profile released; leave one of the two out."
+    )
+
+
+def _key(config: TrainConfig) -> tuple[str, str, int]:
+    return config.task, config.model, config.seed
+
+
+def _name(config: TrainConfig, base: TrainConfig) -> str:
+    """How settings differ from the study's own, as the name of a folder."""
+    own = dict(_flat(base.to_values()))
+    changed = {name: value for name, value in _flat(config.to_values()) if value != own.get(name, value)}
+    text = ",".join(f"{name}={value}" for name, value in changed.items() if name not in MACHINE_SETTINGS)
+    name = re.sub(r"[^\w.=,+-]", "_", text)[:_LONGEST_NAME]
+    if name == text:
+        return name or BASE
+    return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"  # others may come to the same letters
+
+
+def _flat(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{path}{name}.")
+        else:
+            yield f"{path}{name}", value

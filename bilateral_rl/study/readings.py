@@ -1,0 +1,215 @@
+"""Readings of the paper: one way each to fill its gaps, as small YAML files.
+
+The package ships two anchors, ``text`` and ``everything``, and every single deviation from each. A file of one's own is
+read just so; it may deviate from any that is shipped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.resources
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass
+
+from bilateral_rl.analysis.goals import JUDGED_RADII, STUDY_RADII, in_centimeters
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.claims.criteria import Arrival, Criteria, Depth, ReachMeasure
+from bilateral_rl.config.parse import Values, build, merge
+from bilateral_rl.envs.quantities import STRICT, Positive
+from bilateral_rl.envs.tasks import HoldPosition, RandomReach
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import read_settings
+
+ALL = "all"
+ANCHORS = ("text", "everything")
+"""The readings from which the others deviate, and those that a study judges by if nothing is said."""
+_LESIONS = {"text": "paper", "released": "released"}
+_FILES = importlib.resources.files("bilateral_rl") / "readings"
+
+
+def _measured(radius: float) -> float:
+    if radius not in STUDY_RADII:
+        raise ValueError(f"must be one of {', '.join(map(str, STUDY_RADII))} (m), at which goals are measured")
+    return radius
+
+
+Radius = Annotated[Positive, AfterValidator(_measured)]
+
+
+@dataclass(frozen=True, config=STRICT)
+class Radii:
+    """Radius of the goal in each task (m)."""
+
+    random_reach: Radius = JUDGED_RADII[RandomReach.id]
+    hold_position: Radius = JUDGED_RADII[HoldPosition.id]
+
+
+@dataclass(frozen=True, config=STRICT)
+class Reading:
+    """One way to fill what the paper leaves open.
+
+    Raises:
+        ValueError: a name that is none, no reason or source for it, or a measure twice.
+    """
+
+    name: str
+    """Letters, digits, dots and dashes."""
+    why: str = ""
+    """Why anyone would read the paper so, in a sentence."""
+    source: str = ""
+    """What that rests on."""
+    anchor: str | None = None
+    """The reading that it deviates from."""
+    training: dict[str, Any] = field(default_factory=dict)
+    """Settings of the trainings over those of the study; under the name of a task, those of its trainings alone."""
+    protocol: Protocol = field(default_factory=Protocol)
+    """What follows a lesion."""
+    lesions: Literal["text", "released"] | None = None
+    """Whose combined lesions, those of the text or of the released code; None for those of the study's profile."""
+    measure: Annotated[tuple[ReachMeasure, ...], Field(min_length=1)] = ("completion",)
+    """By what a reach after a lesion is judged: by completion, by speed to the goal, or by both."""
+    radii: Radii = field(default_factory=Radii)
+    """Radius of the goal by task (m)."""
+    arrival: Arrival = "first"
+    """Which of the three steps within the goal ends a reach, for its speed."""
+    alone: Depth = "deep"
+    """Which lesion of the other side leaves a hemisphere to work alone."""
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[\w.-]{1,60}", self.name):
+            raise ValueError(f"name must be 1 to 60 letters, digits, dots and dashes, got {self.name!r}")
+        for name in ("why", "source"):
+            if not getattr(self, name).strip():
+                raise ValueError(f"{name} is missing: say in a sentence why the paper may be read so, and from what")
+        if len(set(self.measure)) < len(self.measure):
+            raise ValueError("measure names one measure twice")
+
+    def training_of(self, task: str) -> Values:
+        """Return the settings of the trainings of a task over those of the study."""
+        of_all = {name: value for name, value in self.training.items() if name not in JUDGED_RADII}
+        return merge(of_all, self.training.get(task) or {})
+
+    def lesion_profile(self, of_study: str) -> str:
+        """Return whose combined lesions it has, in a study of that profile."""
+        return _LESIONS[self.lesions] if self.lesions else of_study
+
+    @property
+    def criteria(self) -> Criteria:
+        """What the claims are judged by."""
+        radii = dataclasses.asdict(self.radii)
+        return Criteria(self.protocol.name, self.measure, radii, self.arrival, self.alone)
+
+    @property
+    def choices(self) -> dict[str, str]:
+        """What it chooses for each gap, in words; a gap that is filled by the study's own settings says so."""
+        protocol, training = self.protocol, dict(_flat(self.training))
+        penalty = [training.pop(f"bptt.{name}", None) for name in ("penalty", "penalty_coefficient")]
+        choices = {
+            "what adapts": protocol.retrain,
+            "epochs after a lesion": str(protocol.epochs),
+            "learning rate after a lesion": _number(protocol.learning_rate),
+            "optimizer after a lesion": protocol.optimizer,
+            "trials after a lesion": protocol.trials,
+            "penalty after a lesion": _penalty(protocol.penalty, protocol.penalty_coefficient),
+            "unreached weights": "penalized" if protocol.penalize_unreached else "untouched",
+            "weight penalty": _penalty(*penalty),
+            "validation trials": _number(training.pop("bptt.validation_trials", None)),
+            "load in hold": training.pop("trial.load", _OWN),
+            "measure of a reach": " and ".join(self.measure),
+            "goal of a reach": f"{in_centimeters(self.radii.random_reach)} cm",
+            "goal of a hold": f"{in_centimeters(self.radii.hold_position)} cm",
+            "a reach ends at": f"the {self.arrival} step",
+            "combined lesions": self.lesions or _OWN,
+            "a hemisphere alone": f"{self.alone} lesion of the other",
+        }
+        return choices | {name: str(value) for name, value in training.items()}
+
+
+_OWN = "as in the study"
+
+
+def load_readings(requested: Sequence[str] = ANCHORS) -> list[Reading]:
+    """Load readings, each once and in the order in which they are asked for.
+
+    Args:
+        requested: "all" for those that are shipped, the name of one, or a file, which ends in .yaml or .yml.
+
+    Raises:
+        UserError: a name that is unknown, a file that holds no reading, or two readings of one name.
+    """
+    readings: dict[str, Reading] = {}
+    for text in requested:
+        for reading in _load(text):
+            if readings.setdefault(reading.name, reading) != reading:
+                raise UserError(f"Two readings are called {reading.name!r}; give the one in {text} a name of its own.")
+    return list(readings.values())
+
+
+def reading_names() -> list[str]:
+    """Return the names of the readings that are shipped, the anchors first."""
+    names = sorted(path.name.removesuffix(".yaml") for path in _FILES.iterdir() if path.name.endswith(".yaml"))
+    return [*ANCHORS, *(name for name in names if name not in ANCHORS)]
+
+
+def _load(text: str) -> Iterator[Reading]:
+    if text == ALL:
+        yield from (_build(_values(name), name) for name in reading_names())
+    elif text.endswith((".yaml", ".yml")):
+        values = {"name": Path(text).stem} | read_settings(Path(text))
+        if values["name"] in reading_names():
+            raise UserError(f"A reading called {values['name']!r} is shipped; give the one in {text} another name.")
+        yield _build(values, text)
+    else:
+        yield _build(_values(text), text)
+
+
+def _build(values: Mapping[str, Any], where: str) -> Reading:
+    """Build a reading from what its file says, on top of the one that it deviates from."""
+    anchor = values.get("anchor")
+    inherited = _values(str(anchor)) if anchor is not None else {}
+    if "anchor" in inherited:  # which deviates itself
+        inherited = merge(_values(inherited["anchor"]), inherited)
+    own = {name: value for name, value in inherited.items() if name not in ("name", "why", "source", "anchor")}
+    try:
+        return build(Reading, merge(own, values))
+    except UserError as error:
+        raise UserError(f"{where} is no reading of the paper. {error}") from None
+
+
+def _values(name: str) -> Values:
+    """What the file of a shipped reading says. Raises UserError if there is none of that name."""
+    names = reading_names()
+    if name not in names:
+        close = get_close_matches(name, names, n=3, cutoff=0.3)
+        known = f"names such as {', '.join(dict.fromkeys([*close, *ANCHORS]))}"
+        raise UserError(f"Unknown reading {name!r}; choose from all, {known}, or a file that ends in .yaml.")
+    with importlib.resources.as_file(_FILES / f"{name}.yaml") as path:
+        return read_settings(path)
+
+
+def _flat(settings: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every setting with its dotted name, without the task whose trainings it is of."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, path if not path and name in JUDGED_RADII else f"{path}{name}.")
+        else:
+            yield f"{path}{name}", value
+
+
+def _number(value: float | None) -> str:
+    return _OWN if value is None else f"{value:g}"
+
+
+def _penalty(kind: str | None, coefficient: float | None) -> str:
+    if kind is None and coefficient is None:
+        return _OWN
+    if coefficient == 0:
+        return "none"
+    return " ".join(filter(None, [kind, "" if coefficient is None else f"{coefficient:g}"]))
