@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import pandas as pd
+import torch
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.analysis.goals import STUDY_RADII, distinct_radii
@@ -23,7 +25,7 @@ from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, Lesion, f
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.training.fresh_networks import fresh_network
-from bilateral_rl.training.moments import trained_moments
+from bilateral_rl.training.moments import Moments, trained_moments
 from bilateral_rl.training.retraining import Retraining
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
@@ -55,7 +57,17 @@ class LesionSettings:
     """Number of trials of an epoch of retraining; None for the run's own number, or the paper's."""
 
 
+class _Case(NamedTuple):
+    """A network after a lesion."""
+
+    lesion: str
+    network: str
+    seed: int
+
+
 _USUAL = LesionSettings()
+_MOST_STACKED = 1_000
+"""Networks that are retrained at once on a GPU, which then takes about 3 GB for batches of 64."""
 
 
 class LesionStudy:
@@ -107,16 +119,35 @@ class LesionStudy:
         A network that retraining breaks has NaN for every metric.
         """
         rows: list[tuple[object, ...]] = []
-        for done, name in enumerate(self.names):
-            on_state(done, len(self.names), name)
-            lesion = find_lesion(name, self._lesions)
-            for protocol, retraining in self._protocols.items():
-                for network, states in self._networks.items():
-                    after = self._retrained(retraining, network, states, lesion) if retraining else states
-                    used = retraining.used_by(network) if retraining else protocol
-                    rows += self._test(after, lesion, (name, *treatment(protocol, network, used)))
+        for done in range(0, len(self.names), self._at_once):
+            names = self.names[done : done + self._at_once]
+            on_state(done, len(self.names), names[0])
+            rows += self._run(names)
         on_state(len(self.names), len(self.names), "")
         return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    @property
+    def _at_once(self) -> int:
+        """How many lesions are retrained in one stack: a CPU gains nothing by it, a GPU has room for many networks."""
+        if self.settings.device == "cpu":
+            return 1
+        return max(1, _MOST_STACKED // sum(map(len, self._networks.values())))
+
+    def _run(self, names: Sequence[str]) -> list[tuple[object, ...]]:
+        """The rows of these lesions, lesion by lesion."""
+        rows: dict[str, list[tuple[object, ...]]] = {name: [] for name in names}
+        for protocol, retraining in self._protocols.items():
+            cases = [
+                _Case(name, network, seed) for name in names for network in self._networks for seed in self._policies
+            ]
+            after = self._retrained(retraining, cases) if retraining else map(self._state, cases)
+            for case, state in zip(cases, after, strict=True):
+                used = retraining.used_by(case.network) if retraining else protocol
+                rows[case.lesion] += self._test(case, state, treatment(protocol, case.network, used))
+        return [row for of_lesion in rows.values() for row in of_lesion]
+
+    def _state(self, case: _Case) -> Tensors:
+        return self._networks[case.network][case.seed]
 
     def _all_networks(self) -> dict[str, dict[int, Tensors]]:
         """The networks' parameters by seed: the trained ones, and their control if there is to be one."""
@@ -131,28 +162,37 @@ class LesionStudy:
         settings = self.settings
         return Retraining(self.config, protocol, settings.retraining_trials, settings.threads, settings.device)
 
-    def _retrained(
-        self, retraining: Retraining, network: str, states: Mapping[int, Tensors], lesion: Lesion
-    ) -> dict[int, Tensors | None]:
+    def _retrained(self, retraining: Retraining, cases: Sequence[_Case]) -> list[Tensors | None]:
         """The networks after they have adapted; None in place of one that went wrong."""
-        moments = self._moments if retraining.used_by(network).optimizer == "continued" else None
-        rows = retraining.run(self._layout.pack(list(states.values())), list(states), [lesion] * len(states), moments)
-        return {
-            seed: {name: tensor[0] for name, tensor in self._layout.unpack(row[None]).items()}
+        moments = self._moments_of(cases) if retraining.used.optimizer == "continued" else None
+        weights = self._layout.pack([self._state(case) for case in cases])
+        lesions = [find_lesion(case.lesion, self._lesions) for case in cases]
+        rows = retraining.run(weights, [case.seed for case in cases], lesions, moments)
+        return [
+            {name: tensor[0] for name, tensor in self._layout.unpack(row[None]).items()}
             if row.isfinite().all()
             else None
-            for seed, row in zip(states, rows, strict=True)
-        }
+            for row in rows
+        ]
 
-    def _test(
-        self, states: Mapping[int, Tensors | None], lesion: Lesion, after: tuple[object, ...]
-    ) -> list[tuple[object, ...]]:
-        """Rows of the table, one a network and metric; ``after`` stands in the columns from lesion to trials."""
+    def _moments_of(self, cases: Sequence[_Case]) -> Moments:
+        """What the optimizer of each case's network knows; nothing of fresh ones."""
+        assert self._moments is not None
+        seeds, fresh = list(self._policies), torch.tensor([case.network == FRESH for case in cases])
+        own = [seeds.index(case.seed) for case in cases]
+        first, second = (
+            part[own].masked_fill(fresh[:, None], 0.0) for part in (self._moments.first, self._moments.second)
+        )
+        steps = [0 if is_fresh else self._moments.steps[i] for is_fresh, i in zip(fresh.tolist(), own, strict=True)]
+        return Moments(first, second, steps)
+
+    def _test(self, case: _Case, state: Tensors | None, treated: tuple[object, ...]) -> list[tuple[object, ...]]:
+        """Rows of the table, one a metric; ``treated`` stands in the columns from network to trials."""
         config = self.config
+        lesion = find_lesion(case.lesion, self._lesions)
         return [
-            (config.model, config.task, config.algo, seed, *after, metric, value)
-            for seed, state in states.items()
-            for metric, value in self._measure(self._policies[seed], state, lesion).items()
+            (config.model, config.task, config.algo, case.seed, case.lesion, *treated, metric, value)
+            for metric, value in self._measure(self._policies[case.seed], state, lesion).items()
         ]
 
     def _measure(self, policy: MotorPolicy, state: Tensors | None, lesion: Lesion) -> dict[str, float]:

@@ -350,8 +350,9 @@ def test_a_network_that_retraining_breaks_has_no_values_and_harms_no_other(train
 
     def breaking(self, weights, seeds, lesions, *rest):
         after = real(self, weights, seeds, lesions, *rest)
-        if lesions[0] == LESIONS["shallow_dominant"]:
-            after[1, bias] = float("nan")
+        for row, seed, lesion in zip(after, seeds, lesions, strict=True):
+            if (seed, lesion) == (1, LESIONS["shallow_dominant"]):
+                row[bias] = float("nan")
         return after
 
     monkeypatch.setattr(Retraining, "run", breaking)
@@ -438,6 +439,20 @@ def test_the_columns_hold_the_numbers_that_were_used(bptt_run):
         ["output", "output", 1, 0.03, "activity", 0.5, "fresh", "new"],
         ["everything-2-epochs-lr-0.01-penalty-weights", "everything", 2, 0.01, "weights", 0.001, "fresh", "new"],
     ]
+
+
+def test_lesions_in_one_stack_bring_the_same_as_one_after_the_other(bptt_run, results, monkeypatch):
+    """As on a GPU, which has room for them."""
+    heard = []
+    for at_once in (1, 2, 8):
+        monkeypatch.setattr(LesionStudy, "_at_once", at_once)
+        protocols = (Protocol("none"), Protocol("everything", optimizer="continued"), Protocol("output"))
+        study = study_of(bptt_run, protocols=protocols, lesions=("callosum", "shallow_dominant"))
+        heard.append((study.run(lambda *state: heard.append(state[0])), at_once))
+    tables = [item[0] for item in heard if isinstance(item, tuple)]
+    for other in tables[1:]:
+        pd.testing.assert_frame_equal(other, tables[0], check_exact=True)
+    assert [item for item in heard if isinstance(item, int)] == [0, 1, 2, 3, 0, 2, 3, 0, 3]
 
 
 def test_a_study_without_any_protocol_is_refused(trained):
