@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
@@ -16,7 +17,9 @@ from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.figures.curves import PREFERRED, PROGRESS, carried_forward, interval_over_seeds
 from bilateral_rl.figures.hemispheres import DOMINANT_STYLE, NON_DOMINANT_STYLE
 from bilateral_rl.figures.labels import axis_label, model_label, task_label
+from bilateral_rl.figures.protocols import CONTROL_COLOR
 from bilateral_rl.figures.style import (
+    FAINT,
     INK,
     ModelStyle,
     in_order,
@@ -34,7 +37,8 @@ _LESIONS = {
     ALONE["non_dominant"]: ("non-dominant alone", NON_DOMINANT_STYLE),
 }
 """The lesions that are drawn: their words and their look."""
-_INDEX_STYLE = ModelStyle(INK, "o", "-")
+_INDEX, _INDEX_STYLE = "index", ModelStyle(INK, "o", "-")
+_FLOOR = "At the floor: neither hemisphere alone is better than that of fresh networks."
 _PROGRESS = "timesteps"
 
 
@@ -62,9 +66,11 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
             _draw(above[i], values[lesion], style, words)
         dominant, non_dominant = (values[lesion] for lesion in ALONE.values())
         index = pd.DataFrame(specialization_index(dominant, non_dominant), dominant.index)
-        floor = _at_floor(values, {lesion: control[control["lesion"] == lesion].set_index("seed")[measure.name]
-                                   for lesion in ALONE.values()})  # fmt: skip
-        _draw(below[i], index.mask(floor, axis=0), _INDEX_STYLE, "index")
+        fresh = {lesion: control[control["lesion"] == lesion].set_index("seed")[measure.name]
+                 for lesion in ALONE.values()}  # fmt: skip
+        _draw_control(above[i], fresh)
+        floor = _at_floor(values, fresh)
+        _draw(below[i], index.mask(floor, axis=0), _INDEX_STYLE, _INDEX)
         _mark_floor(below[i], floor)
         below[i].axhline(0, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
         style_axes(above[i], y_label=axis_label(measure) * (i == 0), title=model_label(model))
@@ -72,12 +78,31 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
         below[i].xaxis.set_major_formatter(EngFormatter())
     above[0].set_ylim(bottom=0)
     below[0].set_ylim(-1.05, 1.05)
+    entries = _legend([*above, *below])
     set_title_and_legend(
-        figure, f"{task_label(task)}: specialization over training", *above[0].get_legend_handles_labels()
+        figure, f"{task_label(task)}: specialization over training", [*entries.values()], [*entries.keys()]
     )
     meaning = "Index: (d − n) / (d + n); d, n: value with the dominant, the non-dominant hemisphere alone."
-    set_note(figure, f"{meaning}\n{_seeds_in_words(probes)}")
+    floor_note = f"\n{_FLOOR}" if AT_FLOOR in entries else ""
+    set_note(figure, f"{meaning}{floor_note}\n{_seeds_in_words(probes)}")
     return figure
+
+
+def _legend(panels: Iterable[Axes]) -> dict[str, Artist]:
+    """Everything with a label but the index, which has panels of its own."""
+    entries = {
+        label: handle for axes in panels for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    return {label: handle for label, handle in entries.items() if label != _INDEX}
+
+
+def _draw_control(axes: Axes, fresh: Mapping[str, pd.Series]) -> None:
+    """Draw what each side alone does in fresh networks, the mean over the seeds."""
+    for values in fresh.values():
+        if values.notna().any():
+            axes.axhline(
+                values.mean(), color=CONTROL_COLOR, linewidth=1.2, zorder=1.5, label="fresh side alone", gid="control"
+            )
 
 
 def _at_floor(values: Mapping[str, pd.DataFrame], control: Mapping[str, pd.Series]) -> pd.Series:
@@ -93,16 +118,13 @@ def _at_floor(values: Mapping[str, pd.DataFrame], control: Mapping[str, pd.Serie
 
 
 def _mark_floor(axes: Axes, floor: pd.Series) -> None:
-    """Say where there is no index, from half way to the point before to half way to the next."""
-    steps = floor.index.to_numpy(dtype=np.float64)
-    if not floor.any() or len(steps) < 2:
-        return
-    middles = (steps[1:] + steps[:-1]) / 2
-    left, right = np.append(steps[0], middles), np.append(middles, steps[-1])
-    for low, high in zip(left[floor.to_numpy()], right[floor.to_numpy()], strict=True):
-        axes.axvspan(low, high, color=INK, alpha=0.12, linewidth=0, gid="floor")
-    middle = float(np.mean([left[floor.to_numpy()].min(), right[floor.to_numpy()].max()]))
-    axes.text(middle, -0.9, AT_FLOOR, ha="center", va="bottom", fontsize=8, color=INK)
+    """Shade where there is no index, from half way to the point before to half way to the next."""
+    steps, floored = floor.index.to_numpy(dtype=np.float64), floor.to_numpy()
+    edges = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
+    starts = np.flatnonzero(floored & ~np.append(False, floored[:-1]))
+    ends = np.flatnonzero(floored & ~np.append(floored[1:], False))
+    for start, end in zip(starts, ends, strict=True):
+        axes.axvspan(edges[start], edges[end + 1], color=FAINT, linewidth=0, zorder=0, label=AT_FLOOR, gid="floor")
 
 
 def _draw(axes: Axes, values: pd.DataFrame, style: ModelStyle, label: str) -> None:

@@ -105,9 +105,21 @@ def test_where_neither_hemisphere_does_better_than_a_fresh_network_there_is_no_i
     index = lines(figure, artists)["index"].get_ydata()
     assert np.isnan(index).tolist() == [True, True, False]
     spans = artists(figure.axes[1], "floor")
-    assert [span.get_x() for span in spans] == [0, 250_000]
-    assert [span.get_x() + span.get_width() for span in spans] == [250_000, 750_000]
-    assert [text.get_text() for text in figure.axes[1].texts] == ["at the floor"]
+    assert [(span.get_x(), span.get_width()) for span in spans] == [(0, 750_000)]
+    assert [line.get_ydata()[0] for line in artists(figure.axes[0], "control")] == [10, 10]
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words == ["intact", "dominant alone", "non-dominant alone", "fresh side alone", "at the floor"]
     assert assert_texts_are_apart(figure) > 10
-    shown = lines(specialization_over_training(table[table["network"] == "trained"], "random_reach"), artists)
-    assert np.isfinite(shown["index"].get_ydata()).all()  # of version 0.1.0: nobody knows the floor
+
+
+def test_without_a_control_nobody_knows_the_floor(artists):
+    table = probes([[10, 12, 90], [11, 9, 80]], [[10, 11, 10], [9, 12, 10]], control=10.0)
+    figure = specialization_over_training(table[table["network"] == "trained"], "random_reach")  # as of version 0.1.0
+    assert np.isfinite(lines(figure, artists)["index"].get_ydata()).all()
+    assert len(figure.legends[0].get_texts()) == 3
+
+
+def test_each_time_at_the_floor_is_shaded(artists):
+    table = probes([[10, 90, 10]], [[10, 10, 10]], control=10.0)
+    spans = artists(specialization_over_training(table, "random_reach").axes[1], "floor")
+    assert [(span.get_x(), span.get_width()) for span in spans] == [(0, 250_000), (750_000, 250_000)]
