@@ -18,7 +18,8 @@ def deep_minus_shallow(results: pd.DataFrame, metric: str, states: Sequence[Stat
 
     Columns: ``protocol``, ``side``; ``n`` seeds that have both; the mean ``difference`` (deep − shallow) with its 95 %
     interval ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs; ``p_paired`` of the paired t test alone;
-    ``p_holm``, the same adjusted for all rows of the table; ``note``.
+    ``p_holm``, the same adjusted for the sides of one protocol, so that it does not depend on what else was tried;
+    ``note``.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
@@ -45,5 +46,5 @@ def deep_minus_shallow(results: pd.DataFrame, metric: str, states: Sequence[Stat
             )  # fmt: skip
     columns = ["protocol", "side", "n", "difference", "low", "high", "g", "p_paired", "note"]
     table = pd.DataFrame(rows, columns=columns)
-    table.insert(columns.index("note"), "p_holm", holm(table["p_paired"]))
+    table.insert(columns.index("note"), "p_holm", table.groupby("protocol")["p_paired"].transform(holm))
     return table

@@ -12,7 +12,7 @@ VALUES = {
     ("output", "shallow_dominant"): [10.0, 12.0, 11.0, 14.0],
     ("output", "deep_dominant"): [12.0, 13.0, 15.0, 15.0],
     ("output", "shallow_non_dominant"): [9.0, 8.0, 9.0, 7.0],
-    ("output", "deep_non_dominant"): [9.5, 7.0, 9.5, 7.0],
+    ("output", "deep_non_dominant"): [9.5, 7.0, 10.5, 7.5],
     ("everything", "shallow_dominant"): [40.0, 42.0, 51.0, 44.0],
     ("everything", "deep_dominant"): [52.0, 53.0, 65.0, 55.0],
 }
@@ -42,12 +42,11 @@ def test_a_side_is_compared_by_pairs_of_seeds():
         assert np.sign(row["g"]) == np.sign(row["difference"])
 
 
-def test_the_tests_of_a_table_are_one_family():
+def test_the_sides_of_a_protocol_are_one_family():
     table = deep_minus_shallow(results(), "effort", STATES)
-    p = table["p_paired"].to_numpy()
-    assert p.argsort().tolist() == [2, 0, 1]
-    expected = [max(3 * p[2], 2 * p[0]), min(1.0, max(2 * p[0], p[1])), 3 * p[2]]
-    assert table["p_holm"].tolist() == pytest.approx(expected)
+    first, second, alone = table["p_paired"]
+    assert first < second < 1
+    assert table["p_holm"].tolist() == pytest.approx([2 * first, max(2 * first, second), alone])
 
 
 def test_one_seed_has_a_difference_and_no_test():
