@@ -50,7 +50,7 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     in :func:`~bilateral_rl.figures.curves.learning_curves`.
 
     Args:
-        probes: tables of :func:`bilateral_rl.training.lesion_probe.read_probes`, with each seed of a model once and at
+        probes: tables of :func:`bilateral_rl.training.probe_table.read_probes`, with each seed of a model once and at
             most four models.
         task: the task that they learned.
     """

@@ -26,7 +26,7 @@ from bilateral_rl.policies.networks import BilateralNetwork
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.outcome import learning_history
-from bilateral_rl.training.lesion_probe import read_probes
+from bilateral_rl.training.probe_table import read_probes
 from bilateral_rl.vocabulary import TEST_SEED
 
 TRIALS, TRIALS_SEED = 128, TEST_SEED

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -12,13 +12,12 @@ from stable_baselines3.common.logger import TensorBoardOutputFormat
 
 from bilateral_rl.analysis.floor import AT_FLOOR, is_above
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
-from bilateral_rl.analysis.results import FRESH, NETWORKS, TRAINED
+from bilateral_rl.analysis.results import FRESH, TRAINED
 from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.io.csv_tables import column_names, read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies import MotorPolicy
@@ -26,24 +25,12 @@ from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.callbacks import BetweenIterations
 from bilateral_rl.training.fresh_networks import fresh_copy
+from bilateral_rl.training.probe_table import COLUMNS, MEASURES, PROBE, read_probe
 from bilateral_rl.training.schedule import Schedule
 
-PROBE = "lesion_probe.csv"
-"""File in a run's folder with a row a step and state, the control's first, and a column a measure."""
 FIGURE = "specialization_over_training"
-MEASURES = (
-    "goal_completion_percent", "speed_to_goal_cm_per_step", "time_in_goal_steps", "final_error_cm",
-    "return_dominant", "return_non_dominant",
-)  # fmt: skip
-"""Measures of :meth:`TrialRecord.summary` that are kept."""
-
-_OLD_KINDS: dict[str, type] = {"timesteps": int, "lesion": str} | dict.fromkeys(MEASURES, float)
-"""Columns of version 0.1.0, which had no control."""
-_KINDS = {"network": str, **_OLD_KINDS}
 _JUDGED = {"goal_completion": "goal_completion_percent", "time_in_goal": "time_in_goal_steps"}
 """The measure by which a task is judged."""
-_STATES_NEEDED = {INTACT, *ALONE.values()}
-"""States that every step must have, whatever the network."""
 
 
 class LesionProbe(BetweenIterations):
@@ -93,7 +80,7 @@ class LesionProbe(BetweenIterations):
         self._evaluator = Evaluator(task, settings, trials, seed, device)
         self._task, self._threshold, self._name = task, settings.threshold, name
         self._path = None if folder is None else Path(folder) / PROBE
-        self._table = pd.DataFrame(columns=list(_KINDS))
+        self._table = pd.DataFrame(columns=list(COLUMNS))
 
     @property
     def table(self) -> pd.DataFrame:
@@ -144,7 +131,7 @@ class LesionProbe(BetweenIterations):
     def _rows(self, records: Mapping[str, TrialRecord], network: str, timesteps: int) -> pd.DataFrame:
         measures = {state: record.summary(self._threshold) for state, record in records.items()}
         rows = pd.DataFrame.from_dict(measures, orient="index", columns=list(MEASURES)).rename_axis("lesion")
-        return rows.reset_index().assign(network=network, timesteps=timesteps)[list(_KINDS)]
+        return rows.reset_index().assign(network=network, timesteps=timesteps)[list(COLUMNS)]
 
     def _control(self) -> pd.DataFrame:
         """The rows of a fresh network, which takes the place of the policy's for as long as it is tested."""
@@ -169,7 +156,7 @@ class LesionProbe(BetweenIterations):
     def _past(self) -> pd.DataFrame:
         """Return the rows of the steps so far; those after a saved state are made again."""
         if not self.num_timesteps:
-            return pd.DataFrame(columns=list(_KINDS))
+            return pd.DataFrame(columns=list(COLUMNS))
         table = self._table
         if self._path is not None and self._path.exists():
             try:
@@ -238,38 +225,3 @@ def probe_of_run(config: RLConfig, folder: RunFolder) -> LesionProbe | None:
         device=config.device,
         name=config.model,
     )
-
-
-def read_probe(path: Path) -> pd.DataFrame:
-    """Read the table in a ``lesion_probe.csv``, which may be somebody else's; those of version 0.1.0 have no control.
-
-    Raises:
-        FileNotFoundError: it is not there.
-        UserError: it is damaged.
-    """
-    old = "network" not in column_names(path)
-    table = read_table(path, _OLD_KINDS).assign(network=TRAINED) if old else read_table(path, _KINDS)
-    at = ["network", "timesteps"]
-    states = table.groupby(at)["lesion"].agg(frozenset)
-    fresh = table.loc[table["network"] == FRESH, "timesteps"]
-    wrong = bool(set(table["network"]) - {*NETWORKS}) or bool(set(fresh) - {0})
-    if wrong or table.duplicated([*at, "lesion"]).any() or any(_STATES_NEEDED - of_one for of_one in states):
-        raise UserError(f"{path} is damaged: it must have each state once at each step.")
-    return table[list(_KINDS)]
-
-
-def read_probes(runs: Iterable[RunFolder]) -> pd.DataFrame:
-    """Read the tables of those of ``runs`` that were probed, with columns ``model`` and ``seed``; empty if none was.
-
-    Raises:
-        UserError: a damaged table, or a seed of a model that is there twice.
-    """
-    tables: dict[tuple[str, int], pd.DataFrame] = {}
-    for run in runs:
-        if (run.path / PROBE).exists():
-            config = run.config()
-            if (config.model, config.seed) in tables:
-                raise UserError(f"{run.path} is seed {config.seed} of {config.model} once more; give each seed once.")
-            table = read_probe(run.path / PROBE).assign(model=config.model, seed=config.seed)
-            tables[config.model, config.seed] = table
-    return pd.concat(tables.values(), ignore_index=True) if tables else pd.DataFrame()

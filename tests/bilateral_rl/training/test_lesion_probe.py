@@ -27,7 +27,8 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.drawing import draw_study
 from bilateral_rl.training.fresh_networks import fresh_network
-from bilateral_rl.training.lesion_probe import FIGURE, PROBE, LesionProbe, read_probe, read_probes
+from bilateral_rl.training.lesion_probe import FIGURE, LesionProbe
+from bilateral_rl.training.probe_table import PROBE, read_probe, read_probes
 from bilateral_rl.training.progress import Progress
 from bilateral_rl.training.run import resume, train
 
