@@ -102,6 +102,7 @@ class Evidence:
         names = {measure.metric.name for measure in (self.completion, self.speed, self.hold, self._time)}
         self._results = results[results["metric"].isin(names)]
         self._values: dict[tuple[str, State], pd.Series] = {}
+        self._relearned: dict[tuple[str, State], bool] = {}
         self._post_hoc: dict[tuple[Measure, str, str], tuple[PairTest, PairTest]] = {}
 
     def without_retraining(self) -> Evidence:
@@ -140,8 +141,10 @@ class Evidence:
         Speed is that of successful reaches, of which a fresh network may have a lucky few: the time to the goal decides
         in its place. Without results of fresh networks nobody knows, and the answer is no.
         """
-        measure = self._time if sample.measure == self.speed else sample.measure
-        return above_control(self._results, measure.metric.name, sample.state) is False
+        key = (self._time if sample.measure == self.speed else sample.measure).metric.name, sample.state
+        if key not in self._relearned:
+            self._relearned[key] = above_control(self._results, *key) is False
+        return self._relearned[key]
 
     def post_hoc(self, measure: Measure, first: str, second: str) -> tuple[PairTest, PairTest]:
         """Return Games–Howell and Tukey's HSD of two intact models, in the family of the models there are."""
