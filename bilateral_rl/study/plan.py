@@ -68,9 +68,9 @@ class Study:
 
     @property
     def purpose(self) -> Literal["exploration", "confirmation"]:
-        """What its seeds are for: to confirm, if all are from 100 on; others are looked at to choose (0 to 34 were)."""
+        """What it is for: to confirm, if no seed is below 100 (0 to 34 were looked at) and it is no preview."""
         first = self.overrides.get("seed", self.first_seed)
-        return "confirmation" if first >= FIRST_CONFIRMING_SEED else "exploration"
+        return "confirmation" if first >= FIRST_CONFIRMING_SEED and not self.quick else "exploration"
 
     def configs(self, threads: int = 1, training: Mapping[str, Values] = {}) -> list[TrainConfig]:
         """The configuration of every training: of all seeds at once if supervised, else one a seed.

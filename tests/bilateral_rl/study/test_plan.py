@@ -60,12 +60,13 @@ def test_seeds_can_begin_anywhere():
     assert rl.name == "reproduce-ppo-paper-quick-seeds-103-104"
 
 
-def test_seeds_explore_unless_all_are_from_100_on():
+def test_a_study_explores_unless_all_seeds_are_from_100_on():
     for study, purpose in (
         (Study(), "exploration"),
         (Study(first_seed=99, seeds=30), "exploration"),
         (Study(first_seed=100, seeds=1), "confirmation"),
         (Study(overrides={"seed": 100}), "confirmation"),
+        (Study(first_seed=100, quick=True), "exploration"),
     ):
         assert study.purpose == purpose
 
