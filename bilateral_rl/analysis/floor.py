@@ -29,7 +29,7 @@ def above_control(results: pd.DataFrame, metric: str, state: State) -> bool | No
 
     Over two seeds or more that is so if the 95 % interval of the difference (Student's t, paired by seed) lies on the
     better side of 0; of one seed, if it is better by more than a tenth of the way from the control to the intact
-    network.
+    network, which must be the better one: where nothing was learned, nothing was kept.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`).
@@ -61,8 +61,8 @@ def is_above(values: ArrayLike, control: ArrayLike, intact: ArrayLike) -> bool |
         return difference_interval(kept, fresh, paired=True).low > 0
     both = np.isfinite(np.asarray(values, dtype=np.float64)) & np.isfinite(np.asarray(control, dtype=np.float64))
     whole = float(np.asarray(intact, dtype=np.float64)[both][0])
-    way = whole - float(fresh[0]) if np.isfinite(whole) else 0.0
-    return float(kept[0] - fresh[0]) > max(_SHARE * way, 0.0)
+    gain, needed = float(kept[0] - fresh[0]), _SHARE * (whole - float(fresh[0]))
+    return gain > needed > 0 if np.isfinite(whole) else gain > 0
 
 
 def at_floor(results: pd.DataFrame, metric: str, state: State) -> bool:

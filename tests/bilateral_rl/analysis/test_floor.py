@@ -49,7 +49,7 @@ def test_less_is_better_where_the_metric_says_so():
 @pytest.mark.parametrize(
     ("kept", "control", "intact", "above"),
     [(19.0, 10.0, 90.0, True), (17.0, 10.0, 90.0, False), (18.0, 10.0, 90.0, False), (11.0, 10.0, NAN, True),
-     (9.0, 10.0, 0.0, False), (10.0, 10.0, 10.0, False)],
+     (9.0, 10.0, 0.0, False), (10.0, 10.0, 10.0, False), (12.0, 10.0, 10.0, False), (12.0, 10.0, 9.0, False)],
 )  # fmt: skip
 def test_of_one_seed_a_tenth_of_the_way_to_the_intact_network_decides(kept, control, intact, above):
     assert is_above([kept], [control], [intact]) is above
