@@ -16,15 +16,15 @@ from bilateral_rl.vocabulary import SIDES
 def deep_minus_shallow(results: pd.DataFrame, metric: str, states: Sequence[State]) -> pd.DataFrame:
     """Compare a deep with a shallow lesion of the same side, paired by seed.
 
-    Columns: ``protocol``, ``side``; ``n`` seeds that have both; the mean ``difference`` (deep − shallow) with its 95 %
-    interval ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs; ``p_paired`` of the paired t test alone;
-    ``p_holm``, the same adjusted for the sides of one protocol, so that it does not depend on what else was tried;
-    ``note``.
+    Columns: ``model``, ``protocol``, ``side``; ``n`` seeds that have both; the mean ``difference`` (deep − shallow)
+    with its 95 % interval ``low`` to ``high`` by Student's t; Hedges' ``g`` of the pairs; ``p_paired`` of the paired t
+    test alone; ``p_holm``, the same adjusted for all models and sides of one protocol, so that it does not depend on
+    which other protocols were tried; ``note``.
 
     Args:
         results: long table (:mod:`bilateral_rl.analysis.results`), of one algorithm.
         metric: name of the metric.
-        states: networks by protocol; their lesions do not matter.
+        states: networks by model and protocol; their lesions do not matter.
 
     Returns:
         A row a state and side; a side that was not lesioned both ways has none.
@@ -39,12 +39,12 @@ def deep_minus_shallow(results: pd.DataFrame, metric: str, states: Sequence[Stat
             difference, test = difference_interval(*pairs, paired=True), paired_test(*pairs)
             rows.append(
                 {
-                    "protocol": state.protocol, "side": side, "n": difference.n, "difference": difference.value,
-                    "low": difference.low, "high": difference.high, "g": hedges_g(*pairs, paired=True).value,
-                    "p_paired": test.p, "note": test.note,
+                    "model": state.model, "protocol": state.protocol, "side": side, "n": difference.n,
+                    "difference": difference.value, "low": difference.low, "high": difference.high,
+                    "g": hedges_g(*pairs, paired=True).value, "p_paired": test.p, "note": test.note,
                 }
             )  # fmt: skip
-    columns = ["protocol", "side", "n", "difference", "low", "high", "g", "p_paired", "note"]
+    columns = ["model", "protocol", "side", "n", "difference", "low", "high", "g", "p_paired", "note"]
     table = pd.DataFrame(rows, columns=columns)
     table.insert(columns.index("note"), "p_holm", table.groupby("protocol")["p_paired"].transform(holm))
     return table

@@ -104,6 +104,15 @@ class Claim:
         return all_of(component.verdict for component in self.components)
 
     @property
+    def deciding(self) -> Component:
+        """The weakest component: of those that have the claim's verdict, that with the least effect.
+
+        Components of which nothing was measured come last.
+        """
+        deciding = [component for component in self.components if component.verdict == self.verdict]
+        return min(deciding, key=lambda component: (math.isnan(component.effect.value), component.effect.value))
+
+    @property
     def numbers(self) -> str:
         """Every component in words, a line each."""
         return "\n".join(f"{component.text}: {component.numbers}" for component in self.components)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import product
 
 import pandas as pd
 
 from bilateral_rl.analysis.comparison import compare_lesions
+from bilateral_rl.analysis.depth import deep_minus_shallow
 from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
 from bilateral_rl.analysis.formats import fixed, mean_sd, number, p_value
-from bilateral_rl.analysis.intervals import Interval, difference_interval, mean_interval
+from bilateral_rl.analysis.intervals import Interval, mean_interval
 from bilateral_rl.analysis.metrics import Metric
 from bilateral_rl.analysis.results import State, by_seed, protocol_words, protocols_in
-from bilateral_rl.analysis.samples import align
 from bilateral_rl.analysis.specialization import specialization_by_seed
-from bilateral_rl.analysis.statistics import holm, paired_test
 from bilateral_rl.figures.labels import model_label, task_label, with_unit
 from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
 from bilateral_rl.study.report_table import ReportTable
@@ -29,7 +29,7 @@ _LESIONS_NOTE = (
 )
 _DEPTH_NOTE = (
     "What a deep lesion leaves more than a shallow one of the same side, with its 95 % interval, paired by seed; p of "
-    "the paired t test after Holm over a column. C6 says that shallow lesions hurt more: above 0."
+    "the paired t test after Holm over a task's rows of a column. C6 says that shallow lesions hurt more: above 0."
 )
 _INDEX_NOTE = (
     "(dominant − non-dominant) / (dominant + non-dominant) of what each hemisphere does alone, 95 % interval. At the "
@@ -76,7 +76,7 @@ def _lesions_table(results: pd.DataFrame, task: str, metric: Metric, models: Seq
                 row += _cells(results, metric, state.after(lesion))
                 row.append(p_value(p_values[protocol].get(lesion, math.nan)))
             rows.append(row)
-        relearned += [_relearned(results, metric, state) for state in states.values()]
+        relearned.append(_relearned(results, metric, model, states.values()))
     note = "\n".join([_LESIONS_NOTE, *filter(None, relearned)])
     return ReportTable(f"lesions_{task}", f"{task_label(task)}: lesions, {with_unit(metric)}", columns, rows, note)
 
@@ -87,14 +87,17 @@ def _cells(results: pd.DataFrame, metric: Metric, state: State) -> list[str]:
     return [f"{own} {_MARK}" if above_control(results, metric.name, state) is False else own, control]
 
 
-def _relearned(results: pd.DataFrame, metric: Metric, state: State) -> str:
-    """Say in a sentence after which lesions nothing was kept; "" if after none."""
-    floored = [name for name in LESIONS if above_control(results, metric.name, state.after(name)) is False]
-    if not floored:
-        return ""
-    words = "; ".join(map(lesion_words, floored))
-    what = "nothing was kept" if state.protocol == "none" else "relearned, not kept"
-    return f"{model_label(state.model)}, {protocol_words(state.protocol)}: {what} after {words} lesions."
+def _relearned(results: pd.DataFrame, metric: Metric, model: str, states: Iterable[State]) -> str:
+    """Say after which lesions a model does no better than its control; "" if after none."""
+    parts = []
+    for state in states:
+        told = {name: above_control(results, metric.name, state.after(name)) for name in LESIONS}
+        floored = [name for name, above in told.items() if above is False]
+        if floored:
+            everywhere = len(floored) == sum(above is not None for above in told.values())
+            words = "every lesion" if everywhere else "; ".join(map(lesion_words, floored))
+            parts.append(f"{protocol_words(state.protocol)} – {words}")
+    return f"Relearned, not kept by {model_label(model)}: {'. '.join(parts)}." if parts else ""
 
 
 def _against_intact(results: pd.DataFrame, metric: Metric, intact: State) -> dict[str, float]:
@@ -114,22 +117,19 @@ def _depth_table(
     results: pd.DataFrame, metrics: Mapping[str, Metric], present: Mapping[str, Sequence[str]]
 ) -> ReportTable:
     protocols = protocols_in(results)
-    places = [(task, model, side) for task in metrics for model in present[task] for side in SIDES]
-    rows = [
-        [f"{task_label(task)}, {model_label(model)}, {side.replace('_', '-')} ({metrics[task].unit})"]
-        for task, model, side in places
-    ]
-    columns = [""]
+    columns, rows = [""], []
     for protocol in protocols:
         columns += [protocol_words(protocol), "p"]
-        pairs = []
-        for task, model, side in places:
-            state = State(task, model, protocol=protocol)
-            deep, shallow = (state.after(f"{depth}_{side}") for depth in ("deep", "shallow"))
-            pairs.append(align(*(by_seed(results, metrics[task].name, each) for each in (deep, shallow))))
-        adjusted = holm([paired_test(*pair).p for pair in pairs])
-        for row, pair, p in zip(rows, pairs, adjusted, strict=True):
-            row += [_interval(difference_interval(*pair, paired=True), "+"), p_value(p)]
+    for task, metric in metrics.items():
+        found: dict[tuple[str, str, str], list[str]] = {}
+        states = [State(task, model, protocol=protocol) for model in present[task] for protocol in protocols]
+        for row in deep_minus_shallow(results, metric.name, states).to_dict("records"):
+            cells = [_interval(Interval(row["difference"], row["low"], row["high"], row["n"]), "+")]
+            found[row["model"], row["side"], row["protocol"]] = [*cells, p_value(row["p_holm"])]
+        for model, side in product(present[task], SIDES):
+            cells = [cell for protocol in protocols for cell in found.get((model, side, protocol), ["–", "–"])]
+            where = f"{task_label(task)}, {model_label(model)}, {side.replace('_', '-')} ({metric.unit})"
+            rows.append([where, *cells])
     return ReportTable("deep_minus_shallow", "Deep minus shallow lesions", columns, rows, _DEPTH_NOTE)
 
 

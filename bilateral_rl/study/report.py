@@ -20,8 +20,11 @@ from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.io.files import replacing
 from bilateral_rl.runs.versions import versions
+from bilateral_rl.study.answer import Answer
+from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
+from bilateral_rl.study.report_answer import answer_values
 from bilateral_rl.study.report_table import ReportTable
 
 LOG_LINES, LOG_BYTES = 25, 2**16
@@ -30,7 +33,8 @@ _RULE = (
     "A claim is supported if all its parts are, not supported if any is not, otherwise undecided. A part with a "
     "direction is supported if the difference is significant (adjusted p < 0.05), and not supported if it is "
     "significantly the other way or its interval leaves no room for a difference that matters. A part with a size is "
-    "supported if the 95 % interval lies within the range, not supported if it lies outside. Seeds are the unit. "
+    "supported if the 95 % interval lies within the range, not supported if it lies outside; a difference is shown to "
+    "be small by two one-sided tests at 2.5 % each, which comes to the same. Seeds are the unit. "
     "What the paper's words leave open, we set before the claims were computed: a difference matters from "
     f"{100 * margins.SMALLEST_EFFECT:g} % of the means on; completion agrees within "
     f"{margins.COMPLETION_TOLERANCE:g} points; about 95 % is {margins.COMPLETES:g} % or more; little, or about as, is "
@@ -41,8 +45,9 @@ _RULE = (
 _LESIONS = (
     "Lesions: shallow – a side's input is zero, its biases still flow; deep – a side contributes nothing to the "
     "output, but still sends over the callosum; callosum – no exchange between the sides. What a hemisphere does alone "
-    "is what the network does after a deep lesion of the other one. Retrained: the output layer alone was trained for "
-    "one epoch after the lesion, as in the paper."
+    "is what the network does after a lesion of the other one, a deep one unless the reading says otherwise. What "
+    "follows a lesion is the reading's protocol. The same is done to a freshly initialized network, the control: a "
+    "state that is not better than it shows what was relearned, not what was kept."
 )
 _CALIBRATED = ("C1", "C2", "C3")
 """Claims for which settings were chosen, in the calibrated study."""
@@ -91,13 +96,14 @@ def counts_of(claims: Sequence[Claim]) -> str:
 
 
 def _values(findings: Findings) -> dict[str, Any]:
-    study = findings.study
+    study, answer = findings.study, Answer(findings.judgements)
     return {
         "title": f"Left/right brain and motor control: the paper's claims, by {study.algo}",
         "subtitle": _subtitle(study),
         "preview": f"{study.seeds} seeds, short trainings and few test trials" if study.quick else "",
-        "counts": counts_of(findings.claims),
-        "claims": findings.claims,
+        **answer_values(answer),
+        "purpose": CONFIRMING if study.purpose == "confirmation" else EXPLORING,
+        "details": [_detail(anchor) for anchor in answer.anchors],
         "calibrated": _CALIBRATED if _is_calibrated(study) else (),
         "rule": _RULE,
         "lesions": _LESIONS,
@@ -109,6 +115,11 @@ def _values(findings: Findings) -> dict[str, Any]:
         "setup": _setup(study),
         "blocks": _blocks(findings),
     }
+
+
+def _detail(judgement: Judgement) -> dict[str, Any]:
+    claims = judgement.claims
+    return {"name": judgement.reading, "why": judgement.why, "counts": counts_of(claims), "claims": claims}
 
 
 def _is_calibrated(study: Study) -> bool:
@@ -126,14 +137,15 @@ def _subtitle(study: Study) -> str:
 
 
 def _figures(pictures: Sequence[Picture]) -> dict[str, Any]:
-    """Large figures, one below the other, and hand paths, which are small and many, side by side."""
-    large = [_embedded(picture) for picture in pictures if not picture.png.name.startswith("paths_")]
+    """Curves of claims; large figures, one below the other; and hand paths, small and many, side by side."""
+    curves = [_embedded(picture) for picture in pictures if picture.png.name.startswith("curve_")]
+    large = [_embedded(picture) for picture in pictures if not picture.png.name.startswith(("curve_", "paths_"))]
     groups: dict[str, list[dict[str, str]]] = {}
     for picture in pictures:
         if picture.png.name.startswith("paths_"):
             groups.setdefault(picture.caption.partition(":")[0], []).append(_embedded(picture))
     small = [{"title": f"{task}: hand paths", "figures": group} for task, group in groups.items()]
-    return {"figures": large, "small_figures": small}
+    return {"curves": curves, "figures": large, "small_figures": small}
 
 
 def _embedded(picture: Picture) -> dict[str, str]:

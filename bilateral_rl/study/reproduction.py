@@ -11,16 +11,19 @@ from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.claims import Judgement, evaluate_claims
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.files import replacing
+from bilateral_rl.study.answer import Answer
+from bilateral_rl.study.answer_drawing import draw_answer
 from bilateral_rl.study.drawing import draw_study
 from bilateral_rl.study.grid import Grid, Table
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import StudyResults, runs_of
+from bilateral_rl.study.planning import seeds_of_components, seeds_table
 from bilateral_rl.study.readings import Reading
 from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.report_table import ReportTable
 from bilateral_rl.study.tables import study_tables
 
-REPORT, RESULTS, CLAIMS = "report.html", "results.csv", "claims.csv"
+REPORT, RESULTS, CLAIMS, ANSWER, POWER = "report.html", "results.csv", "claims.csv", "answer.csv", "power.csv"
 
 
 def conclude(
@@ -45,15 +48,16 @@ def conclude(
     read = StudyResults(folder)
     say("computing the claims")
     judgements = [_judge(reading, read.of(grid.tables_of(reading))) for reading in grid.readings]
+    answer = Answer(judgements)
     shown, radii = _shown(grid), grid.readings[0].criteria.radii
     results = read.of(shown)
-    tables = list(study_tables(results, radii))
-    _write(read.named(grid.all_tables), judgements, tables, folder)
+    tables = [seeds_table(answer), *study_tables(results, radii)]
+    _write(read.named(grid.all_tables), answer, tables, folder)
     say("drawing the figures")
     runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in JUDGED_RADII}
     pictures = [
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
-        for drawing in draw_study(results, radii, runs)
+        for drawing in (*draw_answer(answer), *draw_study(results, radii, runs))
     ]
     say("writing the report")
     configs = list(dict.fromkeys(table.training.config for table in shown))
@@ -72,9 +76,11 @@ def _shown(grid: Grid) -> list[Table]:
     return [t for training, table in first.items() for t in grid.tables[training] if t.lesions == table.lesions]
 
 
-def _write(results: pd.DataFrame, judgements: Sequence[Judgement], tables: Sequence[ReportTable], folder: Path) -> None:
+def _write(results: pd.DataFrame, answer: Answer, tables: Sequence[ReportTable], folder: Path) -> None:
     _csv(results, folder / RESULTS)
-    _csv(pd.concat([_claims_table(judgement) for judgement in judgements], ignore_index=True), folder / CLAIMS)
+    _csv(pd.concat([_claims_table(judgement) for judgement in answer.judgements], ignore_index=True), folder / CLAIMS)
+    _csv(answer.table(), folder / ANSWER)
+    _csv(seeds_of_components(answer), folder / POWER)
     (folder / "tables").mkdir(exist_ok=True)
     for table in tables:
         _csv(table.frame(), folder / "tables" / f"{table.name}.csv")
@@ -96,6 +102,9 @@ def _claims_table(judgement: Judgement) -> pd.DataFrame:
             "estimate": component.estimate.value,
             "low": component.estimate.low,
             "high": component.estimate.high,
+            "effect": component.effect.value,
+            "effect_low": component.effect.low,
+            "effect_high": component.effect.high,
             "test": component.test,
             "p": component.p,
             "p_tukey": component.tukey_p,

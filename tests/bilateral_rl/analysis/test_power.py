@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from bilateral_rl.analysis.equivalence import EACH_SIDE, equivalence_test
-from bilateral_rl.analysis.power import MOST_SEEDS, POWER, Design, Spread
+from bilateral_rl.analysis.power import MOST_SEEDS, POWER, Design, Spread, _games_howell_critical
 from bilateral_rl.analysis.statistics import games_howell, holm, paired_test, welch_test
 
 KNOWN = 10**6
@@ -76,13 +76,13 @@ def test_power_of_welchs_test_by_simulation():
 def test_power_of_holms_strictest_step_by_simulation():
     # Only one of four differs, so its p-value is the smallest of the family wherever it counts.
     rng = np.random.default_rng(3)
-    n, design = 12, Design("direction", 1.0, (Spread(1.0, KNOWN),), comparisons=4)
+    n, studies, design = 12, 800, Design("direction", 1.0, (Spread(1.0, KNOWN),), comparisons=4)
     found = 0
-    for x in rng.normal(0, 1, (STUDIES, 4, n)):
+    for x in rng.normal(0, 1, (studies, 4, n)):
         x[0] += 1.0
         p = [paired_test(values, np.zeros(n)).p for values in x]
         found += holm(p)[0] < 0.05 and p[0] == min(p)
-    assert found / STUDIES == near(design.power(n))
+    assert found / studies == near(design.power(n), studies)
 
 
 def test_power_of_games_and_howell_by_simulation():
@@ -94,6 +94,12 @@ def test_power_of_games_and_howell_by_simulation():
         x[0] += 1.8
         found += games_howell(x, [(0, 1)])[0, 1].p < 0.05
     assert found / studies == near(design.power(n), studies)
+
+
+@pytest.mark.parametrize("df", [1.1, 2.3, 5.5, 9.0, 17.3, 47.0, 98.0])
+def test_the_limit_of_games_and_howell_is_that_of_the_studentized_range(df):
+    exact = stats.studentized_range.isf(0.05, 7, df) / math.sqrt(2)
+    assert _games_howell_critical(7, df) == pytest.approx(exact, rel=0.002)
 
 
 @pytest.mark.parametrize("paired", [True, False])

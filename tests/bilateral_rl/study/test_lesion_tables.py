@@ -84,16 +84,14 @@ def test_protocols_stand_side_by_side_each_with_its_control_and_test(tables):
 def test_states_that_are_not_above_their_control_are_named_in_a_sentence(tables):
     # Trained − fresh: 8, 2, 26 after the deep dominant lesion and −2, 12, 1 after the shallow one hold 0.
     lines = tables["lesions_random_reach"].note.splitlines()
-    assert lines[1:] == [
-        "CC-S, output layer retrained: relearned, not kept after shallow dominant; deep dominant lesions."
-    ]
-    bare = tables_of(rows(FRESH, "none"), rows(FRESH, "none", "fresh"))["lesions_random_reach"].note
-    assert "CC-S, without retraining: nothing was kept after " in bare
+    assert lines[1:] == ["Relearned, not kept by CC-S: output layer retrained – shallow dominant; deep dominant."]
+    floored = tables_of(rows(FRESH, "none"), rows(FRESH, "none", "fresh"))["lesions_random_reach"].note
+    assert "Relearned, not kept by CC-S: without retraining – every lesion." in floored
 
 
 def test_without_a_control_nothing_is_said_to_be_relearned():
     table = tables_of(rows(OUTPUT, "output"))["lesions_random_reach"]
-    assert "relearned, not kept after" not in table.note
+    assert "Relearned, not kept by" not in table.note
     assert [row[2] for row in table.rows] == ["–"] * 4
     assert not any("†" in row[1] for row in table.rows)
 
@@ -111,14 +109,18 @@ def test_deep_lesions_are_compared_with_shallow_ones_of_the_same_side(tables):
     assert non_dominant[1:] == ["–", "–", "–", "–"]  # no shallow lesion
 
 
-def test_p_values_of_a_protocol_are_one_family_over_tasks_models_and_sides():
+def test_p_values_of_a_protocol_in_a_task_are_one_family_over_models_and_sides():
+    states = ("deep_dominant", "shallow_dominant")
+    output, everything = ({name: values[name] for name in states} for values in (OUTPUT, EVERYTHING))
     hold = {"deep_dominant": [5.0, 6.0, 8.0], "shallow_dominant": [4.0, 4.5, 5.0]}
-    reach = {name: OUTPUT[name] for name in hold}
-    table = tables_of(rows(reach, "output"), rows(hold, "output", model="bi_s", task="hold_position"))
-    raw = [stats.ttest_rel(v["deep_dominant"], v["shallow_dominant"]).pvalue for v in (reach, hold)]
-    rest = {row[0]: row[2] for row in table["deep_minus_shallow"].rows}
-    expected = [f"{p:.3f}" for p in holm(raw)]
-    assert [rest["Random reach, CC-S, dominant (%)"], rest["Hold position, Bi-S, dominant (steps)"]] == expected
+    groups = [rows(output, "output"), rows(everything, "output", model="bi_s")]
+    table = tables_of(*groups, rows(hold, "output", task="hold_position"))["deep_minus_shallow"]
+    cells = {row[0]: row[2] for row in table.rows}
+    raw = [stats.ttest_rel(v["deep_dominant"], v["shallow_dominant"]).pvalue for v in (output, everything, hold)]
+    names = ("Random reach, CC-S", "Random reach, Bi-S", "Hold position, CC-S")
+    adjusted = [*holm(raw[:2]), raw[2]]
+    units = ("%", "%", "steps")
+    assert [cells[f"{n}, dominant ({u})"] for n, u in zip(names, units, strict=True)] == [f"{p:.3f}" for p in adjusted]
 
 
 def test_the_specialization_index_is_of_what_each_hemisphere_does_alone(tables):

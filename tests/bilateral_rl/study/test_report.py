@@ -4,15 +4,18 @@ import base64
 import io
 import json
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import yaml
+from made_up_answers import FIVE, five
 from PIL import Image
 
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.claims import Aside, Claim, Component, Judgement, margins
 from bilateral_rl.runs.folder import versions
+from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, opening, turns_in_words
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
@@ -103,11 +106,11 @@ def picture(tmp_path):
 def page(tmp_path):
     """The page that tells of a study, its outcomes all done unless others are given."""
 
-    def make(study=None, outcomes=None, claims=CLAIMS, tables=(), pictures=()):
+    def make(study=None, outcomes=None, claims=CLAIMS, tables=(), pictures=(), judgements=None):
         study = study or Study(seeds=2)
         outcomes = outcomes or [JobOutcome(job, JobState.DONE, 90.0) for job in jobs_of(study)]
         path = tmp_path / "report.html"
-        judgements = [Judgement("text", claims)]
+        judgements = judgements or [Judgement("text", claims)]
         write_report(Findings(study, study.configs(), outcomes, judgements, tables, pictures), path)
         return Page(path)
 
@@ -116,7 +119,7 @@ def page(tmp_path):
 
 def badges(shown, number):
     """Verdicts in the section of a claim, with how they look."""
-    section = ("section", {"class": "claim", "id": number})
+    section = ("section", {"class": "claim", "id": f"text-{number}"})
     marked = [(text, inside[-1][1].get("class", "")) for inside, text in shown.texts if section in inside]
     return [(text, look) for text, look in marked if look.startswith("verdict")]
 
@@ -124,7 +127,7 @@ def badges(shown, number):
 def test_every_claim_stands_with_its_statement_parts_numbers_and_verdict(page):
     shown = page()
     for claim in CLAIMS:
-        text = shown.text("section", id=claim.number)
+        text = shown.text("section", id=f"text-{claim.number}")
         parts = [*claim.components, *(part for aside in claim.beside for part in aside.components)]
         words = [claim.statement, *(part.text for part in parts), *(part.numbers for part in parts)]
         note = f" Note: {claim.note}." if claim.note else ""
@@ -156,8 +159,81 @@ def test_all_verdicts_stand_first_and_lead_to_their_claims(page):
     assert cells[: len(expected)] == expected
     links = {attributes["href"] for tag, attributes in shown.elements if tag == "a"}
     targets = {f"#{attributes['id']}" for _, attributes in shown.elements if "id" in attributes}
-    assert {"#C1", "#C2", "#C3"} <= links <= targets
+    assert {"#text-C1", "#text-C2", "#text-C3"} <= links <= targets
     assert "Of 3 claims: 1 supported, 1 not supported, 1 undecided." in shown.text("p")
+
+
+def test_the_answer_stands_first_as_words_and_as_claims_by_readings(page):
+    shown = page(judgements=FIVE)
+    assert opening(five()) in shown.text("p")
+    cells = shown.text("table", class_="grid").splitlines()
+    assert cells[:6] == ["reading", "C1", "C2", "C3", "C4", "✓ / ✗ / ?"]
+    rows = [cells[i : i + 6] for i in range(6, len(cells), 6)]
+    assert rows == [
+        ["“text”", "✓ +10", "✗ +20", "? +30", "✓ +40", "2 / 1 / 1"],
+        ["goal of a reach: 1 cm", "✓ +10", "? +20", "? +30", "✗ +40", "1 / 1 / 2"],
+        ["“everything”", "✓ +10", "✗ +20", "✓ +30", "✓ +40", "3 / 1 / 0"],
+        ["epochs: 3", "✓ +10", "✗ +20", "? +30", "✓ +40", "2 / 1 / 1"],
+        ["goal of a reach: 1 cm", "✓ +10", "✗ +20", "✓ +30", "✗ +40", "2 / 2 / 0"],
+    ]
+    titles = [attributes.get("title", "") for tag, attributes in shown.elements if tag == "td"]
+    assert any(title.startswith("C4, not supported. Decided by a > b: a 60 %, b 50 %; diff") for title in titles)
+    summary = shown.text("table", class_="summary")
+    assert turns_in_words(five(), "C4") in summary
+    assert "2 of 5 (3 undecided)" in summary
+
+
+def test_claims_are_told_in_detail_under_each_anchor(page):
+    shown = page(judgements=FIVE)
+    assert [line for line in shown.text("h3").splitlines() if line.startswith("Under")] == [
+        "Under the reading “text”", "Under the reading “everything”",
+    ]  # fmt: skip
+    ids = [attributes["id"] for tag, attributes in shown.elements if tag == "section"]
+    assert ids == [f"{anchor}-C{i}" for anchor in ("text", "everything") for i in range(1, 5)]
+
+
+def test_every_reading_is_explained(page):
+    shown = page(judgements=FIVE)
+    assert shown.text("dt").splitlines()[:5] == [judgement.reading for judgement in FIVE]
+    explained = shown.text("dd")
+    assert "as “everything”, but epochs: 3." in explained
+    assert "Why everything-epochs. Source of everything-epochs." in explained
+    assert "what adapts: output; epochs: 1; measure of a reach: completion" in explained
+
+
+def test_a_state_that_is_not_above_its_control_is_said_to_be_relearned(page):
+    floored = component(relearned=("deep lesion of cc_s in random_reach",))
+    text = page(claims=[Claim("C6", "A claim.", (floored,))]).text("li")
+    assert "Relearned, not kept: deep lesion of cc_s in random_reach – no better than a fresh network" in text
+    assert "Relearned" not in page().text("li")
+
+
+def test_what_the_seeds_are_for_is_said(page):
+    assert EXPLORING in page().text("p")
+    text = page(Study(seeds=2, first_seed=100)).text("p")
+    assert CONFIRMING in text
+    assert EXPLORING not in text
+
+
+def test_curves_of_claims_are_folded_away_in_the_answer(page, picture):
+    shown = page(judgements=FIVE, pictures=[picture("curve_C3", "C3 under 2 readings."), picture("speed_random_reach")])
+    assert shown.text("summary").splitlines()[0] == "C3 under 2 readings."
+    assert len([tag for tag, _ in shown.elements if tag == "img"]) == 2
+
+
+def test_columns_of_words_are_told_from_columns_of_numbers(page):
+    table = ReportTable("t", "Title", ["", "seeds", "for"], [["C1", "34", "a long sentence"]], of_words=(2,))
+    shown = page(tables=[table])
+    looks = [inside[-1][1].get("class") for inside, text in shown.texts if text in ("34", "a long sentence")]
+    assert looks == ["number", "words"]
+
+
+def test_wide_tables_scroll_in_a_box_of_their_own(page):
+    table = ReportTable("t", "Title", ["", "a"], [["C1", "1"]])
+    shown = page(tables=[table], judgements=FIVE)
+    opened = [attributes.get("class", "") for tag, attributes in shown.elements if tag in ("div", "table")]
+    around = {name: before for before, name in pairwise(opened)}
+    assert around["data"] == around["grid"] == around["summary"] == "scroll"
 
 
 def test_verdicts_are_counted():

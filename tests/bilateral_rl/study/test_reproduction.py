@@ -103,7 +103,13 @@ def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_
     }
     names = {path.stem for path in (tmp_path / "tables").iterdir()}
     kinds = ("models", "tests", "pairs", "lesions", "specialization")
-    assert names == {f"{kind}_{task}" for kind in kinds for task in JUDGED_RADII} | {"deep_minus_shallow"}
+    assert names == {f"{kind}_{task}" for kind in kinds for task in JUDGED_RADII} | {"deep_minus_shallow", "seeds"}
+    answer = pd.read_csv(tmp_path / "answer.csv")
+    assert list(answer["claim"]) == [claim.number for claim in claims]
+    assert set(answer["verdict"]) == {"supported"}
+    power = pd.read_csv(tmp_path / "power.csv")
+    assert len(power) == len(deciding)
+    assert power["seeds"].between(2, 50).all()
     page = (tmp_path / "report.html").read_text()
     assert "Of 14 claims: 14 supported, 0 not supported, 0 undecided." in page
     assert page.count("<img ") == 1

@@ -1,0 +1,112 @@
+"""The answer in sentences, for readers who never saw the code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bilateral_rl.study.answer import Answer, tally
+
+CELL = (
+    "Each cell: the verdict (✓ supported, ✗ not supported, ? undecided) and the effect of the component that decides "
+    "it, in percent of the mean, counted from the line that the claim draws: above 0 on the claim's side. A claim is "
+    "several statements that must all hold; the one that decides is the weakest: of the statements that share the "
+    "claim's verdict, the one with the least effect."
+)
+EXPLORING = (
+    "These seeds are an exploration: they serve to choose a reading, and among many readings some verdicts come out by "
+    "luck. What is to be called a result must be found again, under a reading chosen now, on seeds from 100 on."
+)
+CONFIRMING = (
+    "These seeds are a confirmation: none of them was looked at when the reading was chosen, and the verdicts under "
+    "that reading are results."
+)
+
+
+def opening(answer: Answer) -> str:
+    """Say in a few sentences what holds in every reading, in none, and in which reading most."""
+    n = len(answer.judgements)
+    if n == 1:
+        return _of_one(answer)
+    sentences = [
+        f"The paper leaves open how parts of it were done; each way to fill these gaps is a reading. Its "
+        f"{len(answer.numbers)} claims were judged under {n} readings.",
+        f"{_claims(answer.in_all)} {_holds(answer.in_all)} under every one.",
+        f"{_claims(answer.in_none)} {_holds(answer.in_none)} under none{_of_none(answer)}.",
+    ]
+    if answer.turning:
+        sentences.append(f"{_list(answer.turning)} {_holds(answer.turning)} under some and not under others.")
+    return " ".join([*sentences, _most(answer)])
+
+
+def turns_in_words(answer: Answer, number: str) -> str:
+    """Say which choices make a claim hold, or no longer hold; "" where there is one reading only."""
+    if len(answer.judgements) == 1:
+        return ""
+    turns = [turn for turn in answer.turns(number) if "supported" in (turn.before, turn.after)]
+    if not turns:
+        return "no single choice makes it hold" if number in answer.in_none else "no single choice"
+    by_source: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for turn in turns:
+        choices = by_source.setdefault((turn.source.reading, turn.before), {})
+        choices.setdefault(turn.after, []).append(turn.choice)
+    alike: dict[str, list[str]] = {}
+    for (source, before), choices in by_source.items():
+        words = "; ".join(f"{after} with {_gathered(chosen)}" for after, chosen in choices.items())
+        alike.setdefault(f"({before}): {words}", []).append(f"“{source}”")
+    return ". ".join(f"From {_list(sources)} {words}" for words, sources in alike.items()) + "."
+
+
+def held_in_words(answer: Answer, number: str) -> str:
+    """Say under how many readings a claim is supported, and what it is under the others."""
+    count, n = answer.count(number), len(answer.judgements)
+    if n == count["supported"]:
+        return f"all {n}" if n > 1 else "supported"
+    rest = ", ".join(f"{count[verdict]} {verdict}" for verdict in ("undecided", "not supported") if count[verdict])
+    return f"{count['supported']} of {n} ({rest})"
+
+
+def _of_one(answer: Answer) -> str:
+    (judgement,) = answer.judgements
+    count = tally(judgement)
+    return (
+        f"Under the reading “{judgement.reading}”, {count['supported']} of the paper's {len(answer.numbers)} claims "
+        f"hold, {count['not supported']} do not, and {count['undecided']} stay undecided. {judgement.why}"
+    )
+
+
+def _of_none(answer: Answer) -> str:
+    """Which of the claims that hold nowhere are contradicted everywhere."""
+    everywhere = [n for n in answer.in_none if answer.count(n)["not supported"] == len(answer.judgements)]
+    if not everywhere:
+        return ""
+    return f"; contradicted under every one {'is' if len(everywhere) == 1 else 'are'} {_list(everywhere)}"
+
+
+def _most(answer: Answer) -> str:
+    counts = {judgement.reading: tally(judgement)["supported"] for judgement in answer.judgements}
+    most = max(counts.values())
+    best = [f"“{name}”" for name, count in counts.items() if count == most]
+    shown = ", ".join(best[:3]) + (f" and {len(best) - 3} more" if len(best) > 3 else "")
+    anchors = _list([f"{counts[anchor.reading]} under “{anchor.reading}”" for anchor in answer.anchors])
+    return f"Most hold under {shown}: {most}. Of the readings from which the others deviate: {anchors}."
+
+
+def _claims(numbers: Sequence[str]) -> str:
+    return _list(numbers) if numbers else "No claim"
+
+
+def _holds(numbers: Sequence[str]) -> str:
+    return "hold" if len(numbers) > 1 else "holds"
+
+
+def _list(numbers: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(numbers[:-1]), *numbers[-1:]]))
+
+
+def _gathered(choices: Sequence[str]) -> str:
+    """Choices in words; those that fill the same gap name it once."""
+    values: dict[str, list[str]] = {}
+    for choice in choices:
+        gap, _, value = choice.partition(": ")
+        values.setdefault(gap, []).append(value)
+    return ", ".join(f"{gap} {' or '.join(of_gap)}".strip() for gap, of_gap in values.items())
