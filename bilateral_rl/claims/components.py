@@ -84,7 +84,7 @@ def mean_within(sample: Sample, low: float, high: float = float("inf")) -> Compo
     most = min(high, 100.0) if unit == "%" else high  # a share ends there, so that a plan must, too
     return Component(
         text, sample.measured, "mean", unit, estimate, is_within(estimate, low, high), note=estimate.note,
-        effect=effects.inside(estimate, low, high, sample.mean),
+        effect=effects.inside(estimate, low, high, low),
         design=designs.of_mean(sample.values.to_numpy(dtype=float), low, most),
     )  # fmt: skip
 

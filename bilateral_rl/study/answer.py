@@ -115,6 +115,8 @@ class Answer:
                 "anchor": judgement.anchor or "",
                 "claim": claim.number,
                 "verdict": claim.verdict,
+                "components": len(claim.components),
+                "components_supported": n_supported(claim),
                 "deciding_component": claim.deciding.text,
                 "effect": claim.deciding.effect.value,
                 "effect_low": claim.deciding.effect.low,
@@ -146,6 +148,11 @@ class Answer:
 def tally(judgement: Judgement) -> Counter[Verdict]:
     """Count the claims of each verdict under a reading."""
     return Counter(claim.verdict for claim in judgement.claims)
+
+
+def n_supported(claim: Claim) -> int:
+    """Count the components of a claim that are supported."""
+    return sum(component.verdict == "supported" for component in claim.components)
 
 
 def chosen_otherwise(source: Judgement, target: Judgement) -> str:

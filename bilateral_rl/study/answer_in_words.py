@@ -29,10 +29,12 @@ def opening(answer: Answer) -> str:
         return _of_one(answer)
     sentences = [
         f"The paper leaves open how parts of it were done; each way to fill these gaps is a reading. Its "
-        f"{len(answer.numbers)} claims were judged under {n} readings.",
-        f"{_claims(answer.in_all)} {_holds(answer.in_all)} under every one.",
-        f"{_claims(answer.in_none)} {_holds(answer.in_none)} under none{_of_none(answer)}.",
+        f"{len(answer.numbers)} claims were judged under {n} readings."
     ]
+    if answer.in_none == answer.numbers:
+        return " ".join([*sentences, f"No claim holds under any of them{_of_none(answer)}."])
+    sentences.append(f"{_claims(answer.in_all)} {_holds(answer.in_all)} under every one.")
+    sentences.append(f"{_claims(answer.in_none)} {_holds(answer.in_none)} under none{_of_none(answer)}.")
     if answer.turning:
         sentences.append(f"{_list(answer.turning)} {_holds(answer.turning)} under some and not under others.")
     return " ".join([*sentences, _most(answer)])
@@ -57,12 +59,14 @@ def turns_in_words(answer: Answer, number: str) -> str:
 
 
 def held_in_words(answer: Answer, number: str) -> str:
-    """Say under how many readings a claim is supported, and what it is under the others."""
+    """Say under how many readings a claim has which verdict; "" where there is one reading only."""
     count, n = answer.count(number), len(answer.judgements)
-    if n == count["supported"]:
-        return f"all {n}" if n > 1 else "supported"
+    if n == 1:
+        return ""
+    if len(count) == 1:
+        return f"under all {n}"
     rest = ", ".join(f"{count[verdict]} {verdict}" for verdict in ("undecided", "not supported") if count[verdict])
-    return f"{count['supported']} of {n} ({rest})"
+    return f"supported under {count['supported']} of {n} ({rest})"
 
 
 def _of_one(answer: Answer) -> str:

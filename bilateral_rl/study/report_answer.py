@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from bilateral_rl.claims import Claim, Judgement
-from bilateral_rl.study.answer import Answer, chosen_otherwise, tally
+from bilateral_rl.study.answer import Answer, chosen_otherwise, n_supported, tally
 from bilateral_rl.study.answer_in_words import CELL, held_in_words, opening, turns_in_words
 
 SIGNS = {"supported": "✓", "not supported": "✗", "undecided": "?"}
@@ -54,7 +54,8 @@ def _cell(claim: Claim) -> dict[str, str]:
     return {
         "verdict": claim.verdict,
         "text": SIGNS[claim.verdict] + ("" if math.isnan(effect) else f" {100 * effect:+z.0f}").replace("-", "−"),
-        "title": f"{claim.number}, {claim.verdict}. Decided by {deciding.text}: {deciding.numbers}",
+        "title": f"{claim.number}, {claim.verdict}; {n_supported(claim)} of {len(claim.components)} statements "
+        f"supported. Decided by {deciding.text}: {deciding.numbers}",
     }
 
 
