@@ -31,7 +31,8 @@ def conclude(
 ) -> list[Judgement]:
     """Compute, draw and write everything that follows from the tables of results that are there.
 
-    Tables and figures are of the trainings of the first reading, by all protocols of which they have results.
+    Tables and figures are of the trainings of the first reading, by its lesion protocol and those of the other anchors:
+    of many they could not be read.
 
     Args:
         grid: the study's trainings under its readings.
@@ -71,9 +72,17 @@ def _judge(reading: Reading, results: pd.DataFrame) -> Judgement:
 
 
 def _shown(grid: Grid) -> list[Table]:
-    """The tables of the first reading's trainings: those by its protocol, then all others of the same lesions."""
-    first = {table.training: table for table in grid.tables_of(grid.readings[0])}
-    return [t for training, table in first.items() for t in grid.tables[training] if t.lesions == table.lesions]
+    """The tables of the first reading's trainings and lesions, by its protocol and by those of the other anchors."""
+    first, *others = grid.readings
+    readings = [first, *(reading for reading in others if reading.anchor is None)]
+    protocols = {table.protocol for reading in readings for table in grid.tables_of(reading)}
+    trainings = {table.training: table.lesions for table in grid.tables_of(first)}
+    return [
+        table
+        for training, lesions in trainings.items()
+        for table in grid.tables[training]
+        if table.lesions == lesions and table.protocol in protocols
+    ]
 
 
 def _write(results: pd.DataFrame, answer: Answer, tables: Sequence[ReportTable], folder: Path) -> None:

@@ -222,7 +222,7 @@ def test_the_whole_interrupted_and_gone_on_with(tmp_path):
         *(w for item in tiny for w in ("--set", item)),
     ]
     process = subprocess.Popen(words, text=True, stdout=subprocess.PIPE)
-    while not list((tmp_path / "study").glob("results/*/*.csv")) and process.poll() is None:
+    while not list((tmp_path / "study").rglob("everything.csv")) and process.poll() is None:
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=120)

@@ -148,6 +148,17 @@ def test_readings_judge_the_same_results_each_by_its_own_measure(tmp_path, no_ta
     assert (speed.anchor, speed.choices["measure of a reach"]) == ("text", "speed")
 
 
+def test_tables_and_figures_show_the_protocols_of_the_anchors(tmp_path, one_figure, no_tables):
+    readings = load_readings(["text", "everything", "text-3-epochs", "combination", "text-penalty-none"])
+    grid = Grid(Study(), readings)
+    rows = [make_results(protocol=reading.protocol.name) for reading in readings[:4]]
+    results = pd.concat(rows).drop_duplicates()
+    conclude(grid, tmp_path, fill(tmp_path, results, grid=grid))
+    shown = results["protocol"].isin(["none", "output", "everything"])
+    ((n_shown, _, _),) = one_figure
+    assert n_shown == shown.sum() < len(results)
+
+
 def test_verdicts_follow_the_results(tmp_path, no_tables):
     changes = {("uni_dl", "speed", "intact"): 2.0, ("bi_ns", "hold", "deep_dominant"): 22}
     claims = concluded(tmp_path, fill(tmp_path, results_of_study(changes)))
