@@ -57,13 +57,23 @@ def seeds_table(answer: Answer) -> ReportTable:
         rows.append(row)
     of_words = tuple(range(2, len(columns), 2))
     note = f"{NOTE}\n{_undecidable(answer)}"
-    return ReportTable("seeds", "Seeds that a confirmation needs", columns, rows, note, of_words)
+    return ReportTable("seeds", "Seeds that the claims need", columns, rows, note, of_words)
 
 
 def seeds_of(claim: Claim) -> int | None:
     """Return how many seeds a claim takes; None if :data:`MOST_SEEDS` are not enough, or nobody can say."""
     needed = [_seeds(component.design) for component in claim.components]
     return None if None in needed else max(n for n in needed if n is not None)
+
+
+def demand_in_words(component: Component) -> str:
+    """Say how many seeds decide a component; "" of those that are decided, or of which nobody can say."""
+    if component.verdict != "undecided" or math.isnan(_power_at_most(component.design)):
+        return ""
+    seeds = _seeds(component.design)
+    if seeds is None:
+        return f"Undecidable at this cost: it takes more than {MOST_SEEDS} seeds."
+    return f"It takes {seeds} seeds to decide."
 
 
 def _undecidable(answer: Answer) -> str:

@@ -24,6 +24,7 @@ from bilateral_rl.study.answer import Answer
 from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
+from bilateral_rl.study.planning import demand_in_words
 from bilateral_rl.study.report_answer import answer_values
 from bilateral_rl.study.report_table import ReportTable
 
@@ -103,6 +104,7 @@ def _values(findings: Findings) -> dict[str, Any]:
         "preview": f"{study.seeds} seeds, short trainings and few test trials" if study.quick else "",
         **answer_values(answer),
         "purpose": CONFIRMING if study.purpose == "confirmation" else EXPLORING,
+        "demand": demand_in_words,
         "details": [_detail(anchor) for anchor in answer.anchors],
         "calibrated": _CALIBRATED if _is_calibrated(study) else (),
         "rule": _RULE,

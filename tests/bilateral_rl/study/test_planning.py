@@ -1,6 +1,7 @@
 """Seeds of a confirmation: a claim needs what its most demanding component needs."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from made_up_answers import S, component, judgement, missing
@@ -8,7 +9,7 @@ from made_up_answers import S, component, judgement, missing
 from bilateral_rl.analysis.power import Design, Spread
 from bilateral_rl.claims import Claim
 from bilateral_rl.study.answer import Answer
-from bilateral_rl.study.planning import seeds_of, seeds_of_components, seeds_table
+from bilateral_rl.study.planning import demand_in_words, seeds_of, seeds_of_components, seeds_table
 
 
 def planned(sd, text="a > b", n=10**6, **values):
@@ -70,6 +71,14 @@ def test_the_table_says_for_each_anchor_what_a_claim_takes_and_what_takes_it(ans
         "Under “text”, 34 seeds do for 1 of 4 claims; not for C2, C3, C4. "
         "Under “everything”, 10 seeds do for all 4 claims."
     )
+
+
+def test_what_is_undecided_says_what_it_takes():
+    assert demand_in_words(EASY) == ""
+    assert demand_in_words(replace(HARD, verdict="undecided")) == "It takes 34 seeds to decide."
+    hopeless = demand_in_words(replace(HOPELESS, verdict="undecided"))
+    assert hopeless == "Undecidable at this cost: it takes more than 50 seeds."
+    assert demand_in_words(replace(UNKNOWN, verdict="undecided")) == demand_in_words(missing()) == ""
 
 
 def test_comparisons_that_are_tested_together_are_counted():

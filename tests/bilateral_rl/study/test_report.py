@@ -13,6 +13,7 @@ from made_up_answers import FIVE, five
 from PIL import Image
 
 from bilateral_rl.analysis.intervals import Interval
+from bilateral_rl.analysis.power import Design, Spread
 from bilateral_rl.claims import Aside, Claim, Component, Judgement, margins
 from bilateral_rl.runs.folder import versions
 from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, opening, turns_in_words
@@ -209,6 +210,12 @@ def test_a_state_that_is_not_above_its_control_is_said_to_be_relearned(page):
     text = page(claims=[Claim("C6", "A claim.", (floored,))]).text("li")
     assert "Relearned, not kept: deep lesion of cc_s in random_reach – no better than a fresh network" in text
     assert "Relearned" not in page().text("li")
+
+
+def test_an_undecided_part_says_how_many_seeds_it_takes(page):
+    design = Design("direction", 1.0, (Spread(4.0, 5),))
+    text = page(claims=[Claim("C6", "A claim.", (component(verdict="undecided", design=design),))]).text("li")
+    assert "p = 0.010. Undecidable at this cost: it takes more than 50 seeds." in text
 
 
 def test_what_the_seeds_are_for_is_said(page):
