@@ -96,8 +96,8 @@ def _relearned(results: pd.DataFrame, metric: Metric, model: str, states: Iterab
         if floored:
             everywhere = len(floored) == sum(above is not None for above in told.values())
             words = "every lesion" if everywhere else "; ".join(map(lesion_words, floored))
-            parts.append(f"{protocol_words(state.protocol)} – {words}")
-    return f"Relearned, not kept by {model_label(model)}: {'. '.join(parts)}." if parts else ""
+            parts.append(f"{protocol_words(state.protocol)} ({words})")
+    return f"Relearned, not kept by {model_label(model)}: {', '.join(parts)}." if parts else ""
 
 
 def _against_intact(results: pd.DataFrame, metric: Metric, intact: State) -> dict[str, float]:
