@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from bilateral_rl.runs.folder import FINISHED
-from bilateral_rl.study.costs import table_seconds, training_seconds
-from bilateral_rl.study.grid import Grid, Training
-from bilateral_rl.study.model_job import find_run
+from bilateral_rl.study.grid import Grid
 
 
 @dataclass(frozen=True)
@@ -41,9 +38,7 @@ def _step(name: str, grid: Grid, folder: Path) -> Step:
     trainings = [training for training in grid.tables if training.name == name]
     tables = [table for training in trainings for table in grid.tables[training]]
     missing = [table for table in tables if not (folder / table.path).is_file()]
-    to_train = [t for t in dict.fromkeys(table.training for table in missing) if not _is_trained(t, folder)]
-    seconds = sum(training_seconds(training.config) for training in to_train)
-    seconds += sum(table_seconds(table.training.config, table.protocol) for table in missing)
+    to_train = [t for t in dict.fromkeys(table.training for table in missing) if not t.is_made(folder)]
     return Step(
         name,
         networks=sum(training.config.seeds for training in trainings),
@@ -51,10 +46,5 @@ def _step(name: str, grid: Grid, folder: Path) -> Step:
         protocols=tuple(dict.fromkeys(table.name for table in tables)),
         tables=len(tables),
         to_measure=len(missing),
-        seconds=seconds,
+        seconds=sum(grid.seconds_left(training, folder) for training in trainings),
     )
-
-
-def _is_trained(training: Training, folder: Path) -> bool:
-    run = find_run(folder / "runs", training.config)
-    return run is not None and run.status().get("state") == FINISHED

@@ -6,11 +6,7 @@ results, too. Each table is a file of its own, so that a study goes on with more
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,83 +15,13 @@ from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.study.costs import table_seconds, training_seconds
-from bilateral_rl.study.folder import MACHINE_SETTINGS
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.plan import SET_BY_STUDY, TRAIN_AND_MEASURE, Study, is_supervised
 from bilateral_rl.study.readings import Reading
+from bilateral_rl.study.trainings import RUNS, Table, Training, training_name
 
-BASE = "base"
-"""Name of the trainings by the study's own settings."""
 _NONE = Protocol("none")
-_LONGEST_NAME = 100
-
-
-@dataclass(frozen=True)
-class Training:
-    """A training that readings share: one model on one task, of all seeds if they are trained together."""
-
-    name: str
-    """"base", or how its settings differ from the study's own."""
-    config: TrainConfig
-
-    @property
-    def label(self) -> str:
-        """The model, and the seed if each is a training of its own."""
-        return self.config.model + ("" if is_supervised(self.config.algo) else f"-seed-{self.config.seed}")
-
-    @property
-    def job_name(self) -> str:
-        """Name of its job, unique in the study."""
-        return f"{self.config.task}/{self.label}" + ("" if self.name == BASE else f"-{self.name}")
-
-    @property
-    def runs(self) -> str:
-        """The folder of the study that takes its run.
-
-        Trainings of one model on one task have folders of their own: their jobs need not agree on who takes which
-        number.
-        """
-        parts = ["runs"]
-        parts += [] if is_supervised(self.config.algo) else [f"seed-{self.config.seed}"]
-        return "/".join([*parts, *([] if self.name == BASE else [self.name])])
-
-
-@dataclass(frozen=True)
-class Table:
-    """The results of a training by one lesion protocol."""
-
-    training: Training
-    protocol: Protocol
-    lesions: str
-    """Whose combined lesions."""
-    of_study: str
-    """Whose they are if nothing is said."""
-
-    @property
-    def name(self) -> str:
-        """The protocol's name, with whose combined lesions where these are not the study's."""
-        return self.protocol.name + ("" if self.lesions == self.of_study else f"-{self.lesions}-lesions")
-
-    @property
-    def path(self) -> str:
-        """The file that takes it, relative to the study's folder."""
-        training = self.training
-        return f"results/{training.name}/{training.config.task}/{training.label}/{self.name}.csv"
-
-    @property
-    def settings(self) -> Values:
-        """What the networks are put through: fields of :class:`~bilateral_rl.study.lesioning.LesionSettings`."""
-        changed = {
-            f.name: value
-            for f in dataclasses.fields(self.protocol)
-            if (value := getattr(self.protocol, f.name)) != f.default or f.name == "retrain"
-        }
-        settings: Values = {"protocols": [changed], "profile": self.lesions}
-        if self.training.config.spec.architecture == "unilateral":  # nothing to lesion
-            settings |= {"lesions": [INTACT], "control": False}
-        return settings
 
 
 class Grid:
@@ -133,6 +59,14 @@ class Grid:
         """The tables by which a reading judges: after its protocol, and without retraining."""
         return self._of[reading.name]
 
+    def seconds_left(self, training: Training, folder: Path) -> float:
+        """Return what a training and its tables still take, on one core and to a factor of two (s)."""
+        missing = [table for table in self.tables[training] if not (folder / table.path).is_file()]
+        if not missing:
+            return 0.0
+        to_train = 0.0 if training.is_made(folder) else training_seconds(training.config)
+        return to_train + sum(table_seconds(training.config, table.protocol) for table in missing)
+
     def jobs(self, folder: Path) -> list[Job]:
         """One job for each training, which trains and makes the tables that are not in ``folder`` yet."""
         return [self._job(training, tables, folder) for training, tables in self.tables.items()]
@@ -143,13 +77,11 @@ class Grid:
             "config": training.config.to_values(),
             "tables": [{"lesions": table.settings | self.study.tests, "result": table.path} for table in missing],
             "runs": training.runs,
-            "known_runs": "runs",
+            "known_runs": RUNS,
         }
-        cost = training_seconds(training.config) + sum(
-            table_seconds(training.config, table.protocol) for table in missing
-        )
+        cost = self.seconds_left(training, folder)
         result = [*tables, *missing][-1].path  # the one that is written last, if any is
-        return Job(training.job_name, TRAIN_AND_MEASURE, result, arguments, cost, self._threads)
+        return Job(training.job_name, TRAIN_AND_MEASURE, result, arguments, max(cost, 1.0), self._threads)
 
     def _tables_of(self, reading: Reading) -> Iterator[Table]:
         own = self.study.profile
@@ -175,7 +107,7 @@ class Grid:
             configs = self.study.configs(self._threads, settings)
         except UserError as error:
             raise UserError(f"The reading {reading.name} cannot be trained. {error}") from None
-        return [Training(_name(config, self._base[_key(config)]), config) for config in configs]
+        return [Training(training_name(config, self._base[_key(config)]), config) for config in configs]
 
 
 def _check_training(reading: Reading, settings: Mapping[str, Values], study: Study) -> None:
@@ -217,22 +149,3 @@ def _is_fixed(reading: Reading, what: str) -> UserError:
 
 def _key(config: TrainConfig) -> tuple[str, str, int]:
     return config.task, config.model, config.seed
-
-
-def _name(config: TrainConfig, base: TrainConfig) -> str:
-    """How settings differ from the study's own, as the name of a folder."""
-    own = dict(_flat(base.to_values()))
-    changed = {name: value for name, value in _flat(config.to_values()) if value != own.get(name, value)}
-    text = ",".join(f"{name}={value}" for name, value in changed.items() if name not in MACHINE_SETTINGS)
-    name = re.sub(r"[^\w.=,+-]", "_", text)[:_LONGEST_NAME]
-    if name == text:
-        return name or BASE
-    return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"  # others may come to the same letters
-
-
-def _flat(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{path}{name}.")
-        else:
-            yield f"{path}{name}", value

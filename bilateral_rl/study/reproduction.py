@@ -14,7 +14,7 @@ from bilateral_rl.io.files import replacing
 from bilateral_rl.study.answer import Answer
 from bilateral_rl.study.answer_drawing import draw_answer
 from bilateral_rl.study.drawing import draw_study
-from bilateral_rl.study.grid import Grid, Table
+from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import StudyResults, runs_of
 from bilateral_rl.study.planning import seeds_of_components, seeds_table
@@ -22,6 +22,7 @@ from bilateral_rl.study.readings import Reading
 from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.report_table import ReportTable
 from bilateral_rl.study.tables import study_tables
+from bilateral_rl.study.trainings import Table
 
 REPORT, RESULTS, CLAIMS, ANSWER, POWER = "report.html", "results.csv", "claims.csv", "answer.csv", "power.csv"
 

@@ -1,5 +1,6 @@
 """The trainings and tables of results that readings come to."""
 
+import dataclasses
 import importlib
 import inspect
 import json
@@ -15,10 +16,11 @@ from bilateral_rl.config.parse import build
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.agenda import agenda
-from bilateral_rl.study.grid import BASE, Grid
+from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.lesioning import LesionSettings
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.readings import load_readings
+from bilateral_rl.study.trainings import BASE
 
 PAIRS = [(task, model) for task in JUDGED_RADII for model in MODELS]
 UNILATERAL = ("uni_b", "uni_dl", "uni_ndl")
@@ -167,7 +169,7 @@ def test_a_job_that_lacks_a_table_is_not_done_whichever_it_is(tmp_path):
         fill(tmp_path, [table])
 
 
-def test_what_is_left_to_do_is_told_with_its_cost(tmp_path, bptt_run):
+def test_what_is_left_to_do_is_told_with_its_cost(tmp_path):
     made = grid("text", "text-load-direction")
     base, load = agenda(made, tmp_path)
     assert (base.name, base.networks, base.to_train) == (BASE, 28, 28)
@@ -176,6 +178,21 @@ def test_what_is_left_to_do_is_told_with_its_cost(tmp_path, bptt_run):
     assert 28 * 13 < base.seconds < 28 * 13 * 2
     fill(tmp_path, made.all_tables)
     assert {(step.to_train, step.to_measure, step.seconds) for step in agenda(made, tmp_path)} == {(0, 0, 0.0)}
+
+
+def test_a_training_that_is_made_costs_nothing_more(tmp_path, bptt_run):
+    config = bptt_run.config()
+    made = grid("text", seeds=config.seeds)
+    (training,) = (t for t in made.tables if t.job_name == "random_reach/cc_s")
+    own = dataclasses.replace(training, config=config)  # bptt_run lies in runs/ below it
+    made.tables[own] = [dataclasses.replace(table, training=own) for table in made.tables.pop(training)]
+    assert own.is_made(tmp_path)
+    assert not own.is_made(tmp_path / "elsewhere")
+    tables_alone = made.seconds_left(own, tmp_path)
+    assert 0 < tables_alone < made.seconds_left(own, tmp_path / "elsewhere")
+    assert [job.cost for job in made.jobs(tmp_path) if job.name == "random_reach/cc_s"] == [tables_alone]
+    fill(tmp_path, made.tables[own])
+    assert made.seconds_left(own, tmp_path) == 0
 
 
 def test_a_preview_costs_less():

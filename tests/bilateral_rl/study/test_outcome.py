@@ -8,11 +8,12 @@ from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
-from bilateral_rl.study.grid import Grid, Table, Training
+from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.outcome import StudyResults, learning_history, runs_of, unsourced
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.provenance import describe_source
 from bilateral_rl.study.readings import load_readings
+from bilateral_rl.study.trainings import Table, Training
 
 TABLES = Grid(Study(algo="ppo", seeds=2), load_readings()).all_tables
 
