@@ -69,7 +69,7 @@ def specialization(
     handles = [marker_handle(*mark) for mark in _TASK_MARKERS[: len(words)]]
     set_title_and_legend(figure, f"Specialization of the hemispheres, {protocol_words(protocol)}", handles, words)
     meaning = "(d − n) / (d + n); d, n: value with only the dominant, only the non-dominant hemisphere."
-    floor = "At the floor: both hemispheres are no better than those of fresh networks that were treated alike."
+    floor = "At the floor: both are no better than those of fresh networks that were treated alike."
     set_note(figure, "\n".join([meaning, *([marks_in_words(means)] if means else []), *([floor] if floors else [])]))
     return figure
 
