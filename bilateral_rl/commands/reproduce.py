@@ -17,12 +17,13 @@ from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
 from bilateral_rl.config import parse as settings
 from bilateral_rl.config.seeds import Seeds, parse_seeds
 from bilateral_rl.study.agenda import Step, agenda
+from bilateral_rl.study.fit import readings_for
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import unsourced
 from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
-from bilateral_rl.study.readings import ANCHORS, load_readings
+from bilateral_rl.study.readings import ANCHORS
 from bilateral_rl.study.report import counts_of
 from bilateral_rl.study.reproduction import REPORT, conclude
 
@@ -64,11 +65,15 @@ def reproduce(
     """
     began = time.monotonic()
     study = _study(algo, profile, seeds, quick, settings.parse_overrides(overrides))
-    chosen = load_readings(readings or ANCHORS)
+    chosen, left_out = readings_for(study, readings or ANCHORS)
     at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables))
     grid = Grid(study, chosen, threads)
     folder = out or Path("runs") / study.name
     with claimed_folder(folder, study.to_values()):
+        if left_out:
+            because = f"they ask for what --algo {algo} and --profile {profile} leave no room for"
+            names = ", ".join(left_out)
+            console.print(f"{len(left_out)} readings are left out, as {because}: {names}.", highlight=False)
         console.print(_costs(agenda(grid, folder), at_once))
         begins = f"{len(grid.tables)} trainings into [bold]{_quoted(folder)}[/bold]"
         console.print(f"{begins}; Ctrl-C stops and saves, the same command goes on.", soft_wrap=True, highlight=False)

@@ -16,8 +16,9 @@ from bilateral_rl.config.parse import Values
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.costs import table_seconds, training_seconds
+from bilateral_rl.study.fit import check_fits
 from bilateral_rl.study.jobs import Job
-from bilateral_rl.study.plan import SET_BY_STUDY, TRAIN_AND_MEASURE, Study, is_supervised
+from bilateral_rl.study.plan import TRAIN_AND_MEASURE, Study
 from bilateral_rl.study.readings import Reading
 from bilateral_rl.study.trainings import RUNS, Table, Training, training_name
 
@@ -42,6 +43,8 @@ class Grid:
 
     def __init__(self, study: Study, readings: Sequence[Reading], threads: int = 1) -> None:
         self.study, self.readings = study, list(readings)
+        for reading in readings:
+            check_fits(reading, study)
         self._threads = threads
         self._base = {_key(config): config for config in study.configs(threads)}
         self._trainings: dict[str, list[Training]] = {}
@@ -98,53 +101,14 @@ class Grid:
         key = repr(settings)
         if key not in self._trainings:
             self._trainings[key] = self._new_trainings(reading, settings)
-        _check_protocol(reading, self.study)
         return self._trainings[key]
 
     def _new_trainings(self, reading: Reading, settings: Mapping[str, Values]) -> list[Training]:
-        _check_training(reading, settings, self.study)
         try:
             configs = self.study.configs(self._threads, settings)
         except UserError as error:
             raise UserError(f"The reading {reading.name} cannot be trained. {error}") from None
         return [Training(training_name(config, self._base[_key(config)]), config) for config in configs]
-
-
-def _check_training(reading: Reading, settings: Mapping[str, Values], study: Study) -> None:
-    """Raise a UserError for settings of trainings that are not the reading's to choose."""
-    names = {name for values in settings.values() for name in values}
-    fixed = [name for name in (*SET_BY_STUDY, "seed") if name in names]
-    if fixed:
-        raise UserError(f"The reading {reading.name} cannot change {fixed[0]}, which the study itself sets.")
-    if names and not is_supervised(study.algo):
-        raise UserError(
-            f"The reading {reading.name} changes the training by bptt, and this study trains by {study.algo}; leave it "
-            "out, or --algo."
-        )
-    penalty = {name for values in settings.values() for name in values.get("bptt", {}) if name.startswith("penalty")}
-    if study.profile == "released" and penalty:
-        raise _is_fixed(reading, "the weight penalty")
-
-
-def _check_protocol(reading: Reading, study: Study) -> None:
-    """Raise a UserError for lesions, or a retraining, that the study leaves no room for."""
-    protocol = reading.protocol
-    if study.profile == "released" and (protocol.penalty is not None or protocol.penalty_coefficient is not None):
-        raise _is_fixed(reading, "the weight penalty")
-    if study.profile == "released" and reading.lesions is not None:
-        raise _is_fixed(reading, "the combined lesions")
-    for name, used in (("optimizer", protocol.optimizer == "continued"), ("trials", protocol.trials == "training")):
-        if used and not is_supervised(study.algo):
-            raise UserError(
-                f"The reading {reading.name} goes on with the training's {name}, which a training by {study.algo} does "
-                "not leave; leave it out, or --algo."
-            )
-
-
-def _is_fixed(reading: Reading, what: str) -> UserError:
-    return UserError(
-        f"The reading {reading.name} sets {what}, and so does --profile released; leave one of the two out."
-    )
 
 
 def _key(config: TrainConfig) -> tuple[str, str, int]:

@@ -183,8 +183,9 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outco
         (["--algo", "dqn"], "Unknown algorithm"),
         (["--readings", "mine"], "Unknown reading 'mine'"),
         (["--readings", "nothing.yaml"], "Cannot read the configuration nothing.yaml"),
-        (["--readings", "all", "--algo", "ppo"], "by ppo"),
-        (["--readings", "all", "--profile", "released"], "so does --profile released"),
+        (["--readings", "text-continued", "--algo", "ppo"], "by ppo"),
+        (["--readings", "text-penalty-none", "--profile", "released"], "so does --profile released"),
+        (["--readings", "text-released-lesions", "--profile", "released"], "so does --profile released"),
         (["--profile", "mine"], "Unknown profile"),
         (["--set", "model=cc_s"], "--set cannot change model"),
         (["--set", "epochs=none"], "epochs must be a whole number"),
@@ -194,6 +195,13 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outco
             invoke("reproduce", *options)
     assert not list(tmp_path.iterdir())
     assert not outcomes.calls
+
+
+def test_of_all_readings_those_that_do_not_fit_are_left_out_aloud(invoke, outcomes):
+    _, out = invoke("reproduce", "--readings", "all", "--profile", "released", "--out", "study")
+    assert "8 readings are left out, as they ask for what --algo bptt and --profile released leave no room for" in out
+    assert "text-penalty-none" in out
+    assert "everything-released-lesions" in out
 
 
 def test_a_cluster_that_is_refused_leaves_no_folder(invoke, tmp_path, monkeypatch):
