@@ -74,9 +74,9 @@ _EXPECTED = {
 
 
 def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
-    """Return the type of the field that ``path`` leads to from the dataclass ``cls``."""
+    """Return the type of the field that ``path`` leads to from the dataclass ``cls``; object inside a dictionary."""
     for part in path:
-        cls = typing.get_type_hints(cls)[part]
+        cls = typing.get_type_hints(cls)[part] if dataclasses.is_dataclass(cls) else object
     return cls
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.study.folder import MACHINE_SETTINGS
 from bilateral_rl.study.plan import SET_BY_STUDY, Study, is_supervised
 from bilateral_rl.study.readings import ALL, Reading, load_readings
 
@@ -52,15 +53,18 @@ def _check_training(reading: Reading, study: Study) -> None:
     """Raise a UserError for settings of trainings that are not the reading's to choose."""
     settings = {task: reading.training_of(task) for task in JUDGED_RADII}
     names = {name for values in settings.values() for name in values}
-    fixed = [name for name in (*SET_BY_STUDY, "seed") if name in names]
+    fixed = [name for name in (*SET_BY_STUDY, "seed", *MACHINE_SETTINGS) if name in names]
     if fixed:
-        raise UserError(f"The reading {reading.name} cannot change {fixed[0]}, which the study itself sets.")
+        raise UserError(
+            f"The reading {reading.name} cannot change {fixed[0]}, which is the study's to choose; leave it out."
+        )
     if names and not is_supervised(study.algo):
         raise UserError(
             f"The reading {reading.name} changes the training by bptt, and this study trains by {study.algo}; leave it "
             "out, or --algo."
         )
-    penalty = {name for values in settings.values() for name in values.get("bptt", {}) if name.startswith("penalty")}
+    bptt = [values.get("bptt") for values in settings.values()]
+    penalty = [one for one in bptt if isinstance(one, dict) and {"penalty", "penalty_coefficient"} & one.keys()]
     if study.profile == "released" and penalty:
         raise _is_fixed(reading, "the weight penalty")
 

@@ -141,7 +141,7 @@ def test_readings_that_differ_in_how_results_are_judged_alone_share_them():
 
 def test_a_training_is_told_by_its_settings_and_not_by_how_they_are_written(tmp_path):
     calibrated = {"bptt": {"penalty": "weights", "penalty_coefficient": 0.001}}
-    made = grid("text", own_reading(tmp_path, training={"random_reach": calibrated, "threads": 1}))
+    made = grid("text", own_reading(tmp_path, training={"random_reach": calibrated}))
     assert {training.name for training in made.tables} == {BASE}
     path = own_reading(tmp_path, training={"init_from": "../some where/run"})
     (name,) = {training.name for training in grid(path).tables}
@@ -242,8 +242,14 @@ def test_the_other_readings_go_with_every_profile_and_algorithm():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"training": {"model": "cc_s"}}, "The reading mine cannot change model, which the study itself sets"),
+        ({"training": {"model": "cc_s"}}, "The reading mine cannot change model, which is the study's to choose"),
         ({"training": {"seed": 3}}, "The reading mine cannot change seed, which"),
+        # Two jobs, with these settings and without them, would write one file.
+        ({"training": {"threads": 4}}, "The reading mine cannot change threads, which"),
+        ({"training": {"hold_position": {"device": "cuda"}}}, "The reading mine cannot change device, which"),
+        ({"training": {"bptt": None}}, "cannot be trained. bptt must be settings by name, got None"),
+        ({"training": {"bptt": [1]}}, "cannot be trained. bptt must be settings by name"),
+        ({"training": {"bptt": 3}}, "cannot be trained. bptt must be settings by name, got 3"),
         ({"training": {"nothing": 1}}, "The reading mine cannot be trained. Unknown setting 'nothing'"),
         ({"training": {"epochs": "many"}}, "The reading mine cannot be trained. epochs must be a whole number"),
         ({"training": {"trial": {"motor_noise": 0.1}}}, "The reading mine cannot be trained. .* without noise"),
