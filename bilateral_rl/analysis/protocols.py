@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Literal
 
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.config.hyperparameters import Count, Flag
-from bilateral_rl.config.parse import build
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Positive
 from bilateral_rl.io.errors import UserError
@@ -61,7 +59,7 @@ class Protocol:
 
     def __post_init__(self) -> None:
         if self.retrain == "none" and any(getattr(self, f.name) != f.default for f in fields(self)[1:]):
-            raise ValueError("Where nothing is retrained, nothing else of the retraining can be set")
+            raise ValueError("retrain is none, and where nothing is retrained, nothing else can be set")
 
     @property
     def name(self) -> str:
@@ -120,28 +118,6 @@ class Protocol:
 
 DEFAULT_PROTOCOLS: tuple[Protocol, ...] = (Protocol("none"), Protocol("output"), Protocol("everything"))
 """What follows a lesion if nothing is said: no retraining, the output layer's (the paper's text), and that of all."""
-
-
-def protocols_of(retrain: Sequence[str] | None, **settings: Any) -> tuple[Protocol, ...]:
-    """Return the protocols that a command line asks for, each once.
-
-    Args:
-        retrain: what is to adapt, one a protocol; None for :data:`DEFAULT_PROTOCOLS`.
-        settings: other fields of :class:`Protocol`, of all protocols that retrain something; None for the default.
-
-    Raises:
-        UserError: an unknown word, a number out of bounds, or settings of a retraining where nothing is retrained.
-    """
-    given = {name: value for name, value in settings.items() if value is not None}
-    kinds = list(dict.fromkeys(protocol.retrain for protocol in DEFAULT_PROTOCOLS) if retrain is None else retrain)
-    for kind in kinds:
-        if kind not in RETRAINED:
-            raise UserError(f"Unknown --retrain {kind!r}; choose from {', '.join(RETRAINED)}.")
-    if given and not set(kinds) - {"none"}:
-        name = next(iter(given)).replace("_", "-")
-        raise UserError(f"Nothing is retrained, so its {name} cannot be set; leave it out, or --retrain something.")
-    protocols = [Protocol("none") if kind == "none" else build(Protocol, {"retrain": kind, **given}) for kind in kinds]
-    return tuple(dict.fromkeys(protocols))
 
 
 def _numbers(value: float | None) -> list[str]:

@@ -56,7 +56,8 @@ class Reading:
     """One way to fill what the paper leaves open.
 
     Raises:
-        ValueError: a name that is none, no reason or source for it, or a measure twice.
+        ValueError: a name that is none, no reason or source for it, a measure twice, or a task's trainings without
+            settings by name.
     """
 
     name: str
@@ -90,11 +91,14 @@ class Reading:
                 raise ValueError(f"{name} is missing: say in a sentence why the paper may be read so, and from what")
         if len(set(self.measure)) < len(self.measure):
             raise ValueError("measure names one measure twice")
+        for task in JUDGED_RADII:
+            if not isinstance(settings := self.training.get(task, {}), Mapping):
+                raise ValueError(f"training.{task} must be settings by name, got {settings!r}")
 
     def training_of(self, task: str) -> Values:
         """Return the settings of the trainings of a task over those of the study."""
         of_all = {name: value for name, value in self.training.items() if name not in JUDGED_RADII}
-        return merge(of_all, self.training.get(task) or {})
+        return merge(of_all, self.training.get(task, {}))
 
     def lesion_profile(self, of_study: str) -> str:
         """Return whose combined lesions it has, in a study of that profile."""
@@ -109,8 +113,10 @@ class Reading:
     @property
     def choices(self) -> dict[str, str]:
         """What it chooses for each gap, in words; a gap that is filled by the study's own settings says so."""
-        protocol, training = self.protocol, dict(_flat(self.training))
-        penalty = [training.pop(f"bptt.{name}", None) for name in ("penalty", "penalty_coefficient")]
+        protocol, training = self.protocol, {task: dict(_flat(self.training_of(task))) for task in JUDGED_RADII}
+        penalties = {task: [settings.pop(name, None) for name in _PENALTY] for task, settings in training.items()}
+        validation = {task: settings.pop(_VALIDATION, None) for task, settings in training.items()}
+        loads = {task: settings.pop(_LOAD, _OWN) for task, settings in training.items()}
         choices = {
             "what adapts": protocol.retrain,
             "epochs after a lesion": str(protocol.epochs),
@@ -119,9 +125,9 @@ class Reading:
             "trials after a lesion": protocol.trials,
             "penalty after a lesion": _penalty(protocol.penalty, protocol.penalty_coefficient),
             "unreached weights": "penalized" if protocol.penalize_unreached else "untouched",
-            "weight penalty": _penalty(*penalty),
-            "validation trials": _number(training.pop("bptt.validation_trials", None)),
-            "load in hold": training.pop("trial.load", _OWN),
+            "weight penalty": _by_task({task: _penalty(*penalty) for task, penalty in penalties.items()}),
+            "validation trials": _by_task({task: _number(n) for task, n in validation.items()}),
+            "load in hold": loads[HoldPosition.id],
             "measure of a reach": " and ".join(self.measure),
             "goal of a reach": f"{in_centimeters(self.radii.random_reach)} cm",
             "goal of a hold": f"{in_centimeters(self.radii.hold_position)} cm",
@@ -129,10 +135,15 @@ class Reading:
             "combined lesions": self.lesions or _OWN,
             "a hemisphere alone": f"{self.alone} lesion of the other",
         }
-        return choices | {name: str(value) for name, value in training.items()}
+        others = dict.fromkeys(name for settings in training.values() for name in settings)
+        return choices | {
+            name: _by_task({task: str(settings.get(name, _OWN)) for task, settings in training.items()})
+            for name in others
+        }
 
 
 _OWN = "as in the study"
+_PENALTY, _VALIDATION, _LOAD = ("bptt.penalty", "bptt.penalty_coefficient"), "bptt.validation_trials", "trial.load"
 
 
 def load_readings(requested: Sequence[str] = ANCHORS) -> list[Reading]:
@@ -195,12 +206,19 @@ def _values(name: str) -> Values:
 
 
 def _flat(settings: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every setting with its dotted name, without the task whose trainings it is of."""
+    """Yield every setting with its dotted name."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, path if not path and name in JUDGED_RADII else f"{path}{name}.")
+            yield from _flat(value, f"{path}{name}.")
         else:
             yield f"{path}{name}", value
+
+
+def _by_task(words: Mapping[str, str]) -> str:
+    """Words on each task's trainings: once if they are the same for all."""
+    if len(set(words.values())) == 1:
+        return next(iter(words.values()))
+    return ", ".join(f"{word} in {task}" for task, word in words.items())
 
 
 def _number(value: float | None) -> str:

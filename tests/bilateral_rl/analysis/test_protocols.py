@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, RETRAINED, Protocol, protocols_of
+from bilateral_rl.analysis.protocols import RETRAINED, Protocol
 from bilateral_rl.config.hyperparameters import BPTTHyperparameters
 from bilateral_rl.config.parse import build
 from bilateral_rl.config.schema import BPTTConfig
@@ -63,31 +63,6 @@ def test_what_is_no_name_is_refused(name):
 def test_nothing_can_be_set_of_a_retraining_that_there_is_not():
     with pytest.raises(UserError, match="nothing is retrained"):
         build(Protocol, {"retrain": "none", "epochs": 2})
-    with pytest.raises(UserError, match="its learning-rate cannot be set"):
-        protocols_of(["none"], learning_rate=0.1)
-
-
-def test_what_a_command_line_asks_for_comes_once_with_the_settings_of_the_call():
-    assert protocols_of(None) == DEFAULT_PROTOCOLS
-    assert [protocol.retrain for protocol in DEFAULT_PROTOCOLS] == ["none", "output", "everything"]
-    assert protocols_of(["everything", "none", "everything"], epochs=None) == (Protocol("everything"), Protocol("none"))
-    asked = protocols_of(["none", "combination"], epochs=2, penalty_coefficient=0.0)
-    assert asked == (Protocol("none"), Protocol("combination", epochs=2, penalty_coefficient=0.0))
-
-
-@pytest.mark.parametrize(
-    ("retrain", "settings", "says"),
-    [
-        (["all"], {}, "Unknown --retrain 'all'; choose from none, output, combination, everything"),
-        (["output"], {"epochs": 0}, "epochs must be at least 1, got 0"),
-        (["output"], {"learning_rate": -1.0}, "learning_rate must be above 0"),
-        (["output"], {"penalty": "l1"}, "Unknown penalty 'l1'; choose from weights, activity"),
-        (["output"], {"optimizer": "sgd"}, "Unknown optimizer 'sgd'; choose from fresh, continued"),
-    ],
-)
-def test_a_slip_of_the_finger_is_a_sentence(retrain, settings, says):
-    with pytest.raises(UserError, match=says):
-        protocols_of(retrain, **settings)
 
 
 def test_numbers_are_the_runs_own_unless_the_protocol_says_others():

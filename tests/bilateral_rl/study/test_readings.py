@@ -112,7 +112,17 @@ def test_readings_are_loaded_once_and_in_order(tmp_path):
 
 def test_settings_of_a_training_that_are_no_gap_of_the_shipped_readings_are_choices_too(tmp_path):
     (mine,) = load_readings([write(tmp_path, training={"network": {"units": 20}, "hold_position": {"epochs": 5}})])
-    assert (mine.choices["network.units"], mine.choices["epochs"]) == ("20", "5")
+    assert mine.choices["network.units"] == "20"
+    assert mine.choices["epochs"] == "as in the study in random_reach, 5 in hold_position"
+
+
+def test_a_choice_that_differs_between_tasks_says_what_it_is_in_each(tmp_path):
+    tasks = {"random_reach": 0.002, "hold_position": 0.003}
+    training = {task: {"bptt": {"penalty_coefficient": value}} for task, value in tasks.items()}
+    training["hold_position"]["bptt"]["validation_trials"] = 128
+    (mine,) = load_readings([write(tmp_path, training=training)])
+    assert mine.choices["weight penalty"] == "0.002 in random_reach, 0.003 in hold_position"
+    assert mine.choices["validation trials"] == "as in the study in random_reach, 128 in hold_position"
 
 
 @pytest.mark.parametrize(
@@ -134,9 +144,12 @@ def test_settings_of_a_training_that_are_no_gap_of_the_shipped_readings_are_choi
         ({"arrival": "second"}, "Unknown arrival 'second'; choose from first, third"),
         ({"lesions": "paper"}, "Unknown lesions 'paper'; choose from text, released"),
         ({"protocol": {"retrain": "all"}}, "Unknown protocol.retrain 'all'"),
-        ({"protocol": {"retrain": "none", "epochs": 3}}, "Where nothing is retrained"),
+        ({"protocol": {"retrain": "none", "epochs": 3}}, "where nothing is retrained"),
         ({"protocol": "output"}, "protocol must be settings by name"),
         ({"training": "more"}, "training"),
+        ({"training": {3: 4}}, "training.[key] must be a word, got 3"),
+        ({"training": {"random_reach": 5}}, "training.random_reach must be settings by name, got 5"),
+        ({"training": {"hold_position": None}}, "training.hold_position must be settings by name, got None"),
     ],
 )
 def test_a_file_that_holds_no_reading_is_refused_in_a_sentence(tmp_path, values, message):
