@@ -32,8 +32,9 @@ _DEPTH_NOTE = (
     "the paired t test after Holm over a task's rows of a column. C6 says that shallow lesions hurt more: above 0."
 )
 _INDEX_NOTE = (
-    "(dominant − non-dominant) / (dominant + non-dominant) of what each hemisphere does alone, 95 % interval. At the "
-    "floor: neither does better alone than in a fresh network that was treated alike, and the index means nothing."
+    "(dominant − non-dominant) / (dominant + non-dominant) of what each hemisphere does alone, after a deep lesion of "
+    "the other one, 95 % interval. At the floor: neither does better alone than in a fresh network that was treated "
+    "alike, and the index means nothing."
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,7 @@ from typing import Any
 import jinja2
 import yaml
 
-from bilateral_rl.analysis.goals import JUDGED_RADII
-from bilateral_rl.analysis.metrics import metrics_of
+from bilateral_rl.analysis.metrics import Metric, metrics_of
 from bilateral_rl.claims import Claim, Judgement, margins
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
@@ -72,6 +71,8 @@ class Findings:
     judgements: Sequence[Judgement]
     tables: Sequence[ReportTable]
     pictures: Sequence[Picture]
+    radii: Mapping[str, float]
+    """Radius of the goal by task (m), in tables and figures: that of the first reading."""
 
     @property
     def claims(self) -> Sequence[Claim]:
@@ -100,7 +101,7 @@ def _values(findings: Findings) -> dict[str, Any]:
     study, answer = findings.study, Answer(findings.judgements)
     return {
         "title": f"Left/right brain and motor control: the paper's claims, by {study.algo}",
-        "subtitle": _subtitle(study),
+        "subtitle": _subtitle(findings),
         "preview": f"{study.seeds} seeds, short trainings and few test trials" if study.quick else "",
         **answer_values(answer),
         "purpose": CONFIRMING if study.purpose == "confirmation" else EXPLORING,
@@ -109,7 +110,7 @@ def _values(findings: Findings) -> dict[str, Any]:
         "calibrated": _CALIBRATED if _is_calibrated(study) else (),
         "rule": _RULE,
         "lesions": _LESIONS,
-        "metrics": list({m.name: m for task in JUDGED_RADII for m in metrics_of(task, [JUDGED_RADII[task]])}.values()),
+        "metrics": _metrics(findings.radii),
         "tables": findings.tables,
         **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
@@ -117,6 +118,11 @@ def _values(findings: Findings) -> dict[str, Any]:
         "setup": _setup(study),
         "blocks": _blocks(findings),
     }
+
+
+def _metrics(radii: Mapping[str, float]) -> list[Metric]:
+    """The metrics of all tasks, each once."""
+    return list({metric.name: metric for task in radii for metric in metrics_of(task, [radii[task]])}.values())
 
 
 def _detail(judgement: Judgement) -> dict[str, Any]:
@@ -129,12 +135,14 @@ def _is_calibrated(study: Study) -> bool:
     return (study.algo, study.profile) == ("bptt", "paper")
 
 
-def _subtitle(study: Study) -> str:
+def _subtitle(findings: Findings) -> str:
+    study, radii = findings.study, findings.radii
+    where = f" under “{findings.judgements[0].reading}”" if len(findings.judgements) > 1 else ""
     trained = f"profile {study.profile}, " if study.algo == "bptt" else ""
     return (
         "Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: seven models on two tasks, "
-        f"{trained}{study.seeds} seeds each. Goal radius: reach {100 * JUDGED_RADII['random_reach']:g} cm, "
-        f"hold {100 * JUDGED_RADII['hold_position']:g} cm. Verdicts are computed from the results."
+        f"{trained}{study.seeds} seeds each. Goal radius{where}: reach {100 * radii['random_reach']:g} cm, "
+        f"hold {100 * radii['hold_position']:g} cm. Verdicts are computed from the results."
     )
 
 
@@ -158,9 +166,10 @@ def _embedded(picture: Picture) -> dict[str, str]:
 def _job(outcome: JobOutcome) -> dict[str, str]:
     log = outcome.log if outcome.state != JobState.DONE else None
     task, _, model = outcome.job.name.partition("/")
-    name, _, seed = model.partition("-")
+    name, _, rest = model.partition("-")
+    rest = rest if "=" in rest else rest.replace("-", " ")  # settings, or a seed
     return {
-        "name": f"{task_label(task)}, {model_label(name)}" + (f", {seed.replace('-', ' ')}" if seed else ""),
+        "name": f"{task_label(task)}, {model_label(name)}" + (f", {rest}" if rest else ""),
         "state": str(outcome.state),
         "minutes": f"{outcome.seconds / 60:.1f}" if outcome.seconds else "before",
         "error": outcome.error or "",

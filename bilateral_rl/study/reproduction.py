@@ -63,7 +63,7 @@ def conclude(
     ]
     say("writing the report")
     configs = list(dict.fromkeys(table.training.config for table in shown))
-    write_report(Findings(grid.study, configs, outcomes, judgements, tables, pictures), folder / REPORT)
+    write_report(Findings(grid.study, configs, outcomes, judgements, tables, pictures, radii), folder / REPORT)
     return judgements
 
 

@@ -12,6 +12,7 @@ import yaml
 from made_up_answers import FIVE, five
 from PIL import Image
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.analysis.power import Design, Spread
 from bilateral_rl.claims import Aside, Claim, Component, Judgement, margins
@@ -107,12 +108,12 @@ def picture(tmp_path):
 def page(tmp_path):
     """The page that tells of a study, its outcomes all done unless others are given."""
 
-    def make(study=None, outcomes=None, claims=CLAIMS, tables=(), pictures=(), judgements=None):
+    def make(study=None, outcomes=None, claims=CLAIMS, tables=(), pictures=(), judgements=None, radii=JUDGED_RADII):
         study = study or Study(seeds=2)
         outcomes = outcomes or [JobOutcome(job, JobState.DONE, 90.0) for job in jobs_of(study)]
         path = tmp_path / "report.html"
         judgements = judgements or [Judgement("text", claims)]
-        write_report(Findings(study, study.configs(), outcomes, judgements, tables, pictures), path)
+        write_report(Findings(study, study.configs(), outcomes, judgements, tables, pictures, radii), path)
         return Page(path)
 
     return make
@@ -355,3 +356,20 @@ def test_what_was_calibrated_is_said_where_it_was(page):
     assert words not in page(Study(seeds=2, profile="released")).text("p")
     assert "profile released, 2 seeds each" in page(Study(seeds=2, profile="released")).text("p")
     assert "profile" not in page(Study(algo="ppo", seeds=2)).text("p", class_="faint").splitlines()[0]
+
+
+def test_radii_are_those_of_tables_and_figures_and_a_reading_names_them(page):
+    radii = {"random_reach": 0.02, "hold_position": 0.03}
+    assert "Goal radius: reach 2 cm, hold 3 cm." in page(radii=radii).text("p")
+    two = [Judgement(name, CLAIMS) for name in ("mine", "text")]
+    assert "Goal radius under “mine”: reach 2 cm, hold 3 cm." in page(radii=radii, judgements=two).text("p")
+
+
+def test_a_training_is_told_by_its_settings_as_they_are_written(page, tmp_path):
+    study, path = Study(seeds=2), tmp_path / "mine.yaml"
+    training = {"bptt": {"penalty_coefficient": 0.00002}}
+    path.write_text(yaml.safe_dump({"why": "Because.", "source": "Nowhere.", "training": training}))
+    jobs = Grid(study, load_readings([str(path)])).jobs(Path("nowhere"))
+    shown = page(study, [JobOutcome(job, JobState.DONE, 90.0) for job in jobs]).text("td")
+    assert "Random reach, Uni-DL, bptt.penalty_coefficient=2e-05" in shown
+    assert "2e 05" not in shown
