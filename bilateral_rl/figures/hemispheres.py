@@ -20,6 +20,11 @@ Floating = NDArray[np.floating]
 
 DOMINANT_STYLE = ModelStyle("#01665e", "o", "-")
 NON_DOMINANT_STYLE = ModelStyle("#c98a2b", "s", (0, (4, 1.5)))
+_NOTE = (
+    "Contribution: last hidden layer times combination weight, mean over its units. What varies: the same without each "
+    "unit's mean."
+)
+_ROUNDING = 1e-6
 
 
 class Contributions(NamedTuple):
@@ -45,14 +50,20 @@ def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributio
 
 
 def dominant_share(sides: Contributions) -> NDArray[np.float64]:
-    """(n, T) percent of the mean absolute contribution that is the dominant side's; NaN where neither has any."""
-    dominant, non_dominant = _magnitude(sides.dominant), _magnitude(sides.non_dominant)
+    """(n, T) percent of what varies in the contributions that is the dominant side's; NaN where nothing varies.
+
+    Each unit's mean over all trials and steps is left out: a constant is no control, and a saturated side gives little
+    else, however large it is.
+    """
+    dominant, non_dominant = (_magnitude(_varying(side)) for side in sides)
     total = dominant + non_dominant
     return 100 * np.divide(dominant, total, out=np.full_like(total, np.nan), where=total > 0)
 
 
 def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, title: str) -> Figure:
-    """Draw the mean absolute contribution of each hemisphere over time, and the dominant one's share, a column a model.
+    """Draw the mean absolute contribution of each hemisphere over time, a column a model.
+
+    Below stands the dominant side's share of what varies in them (:func:`dominant_share`).
 
     Args:
         sides: contributions in the trials of one or more seeds, by model; at most four models.
@@ -69,12 +80,18 @@ def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, tit
         draw_band(below[i], time, dominant_share(sides[model]), DOMINANT_STYLE, "dominant")
         below[i].axhline(50, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
         style_axes(above[i], y_label="Mean absolute\ncontribution (a.u.)" * (i == 0), title=model_label(model))
-        style_axes(below[i], "Time (ms)", "Share of the dominant\nhemisphere (%)" * (i == 0))
+        style_axes(below[i], "Time (ms)", "Dominant side's share\nof what varies (%)" * (i == 0))
     above[0].set_ylim(bottom=0)
     below[0].set_ylim(0, 100)
     set_title_and_legend(figure, title, *above[0].get_legend_handles_labels())
-    set_note(figure, f"Contribution: last hidden layer times combination weight, mean over its units.\n{BANDS_NOTE}")
+    set_note(figure, f"{_NOTE}\n{BANDS_NOTE}")
     return figure
+
+
+def _varying(contribution: Floating) -> Floating:
+    """Return contributions (n, T, units) without each unit's mean over trials and steps; rounding is taken as zero."""
+    varying = contribution - contribution.mean(axis=(0, 1), dtype=np.float64)
+    return np.where(np.abs(varying) > _ROUNDING * np.abs(contribution).max(initial=0), varying, 0.0)
 
 
 def _magnitude(contribution: Floating) -> NDArray[np.float64]:
