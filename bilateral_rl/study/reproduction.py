@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -25,6 +26,13 @@ from bilateral_rl.study.tables import study_tables
 from bilateral_rl.study.trainings import Table
 
 REPORT, RESULTS, CLAIMS, ANSWER, POWER = "report.html", "results.csv", "claims.csv", "answer.csv", "power.csv"
+
+_FIRST_WORDS = (
+    *("curve", "deep_minus_shallow", "hemispheres", "learning", "lesions", "models", "muscles", "pairs", "paths"),
+    *("posthoc", "seeds", "specialization", "speed", "tests"),
+)
+"""How the names of a study's figures and tables begin."""
+_SUFFIXES = (".csv", ".pdf", ".png")
 
 
 def conclude(
@@ -61,6 +69,7 @@ def conclude(
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
         for drawing in (*draw_answer(answer), *draw_study(results, radii, runs))
     ]
+    _remove_outdated(folder / "figures", [picture.png.stem for picture in pictures])
     say("writing the report")
     configs = list(dict.fromkeys(table.training.config for table in shown))
     write_report(Findings(grid.study, configs, outcomes, judgements, tables, pictures, radii), folder / REPORT)
@@ -94,6 +103,15 @@ def _write(results: pd.DataFrame, answer: Answer, tables: Sequence[ReportTable],
     (folder / "tables").mkdir(exist_ok=True)
     for table in tables:
         _csv(table.frame(), folder / "tables" / f"{table.name}.csv")
+    _remove_outdated(folder / "tables", [table.name for table in tables])
+
+
+def _remove_outdated(folder: Path, names: Sequence[str]) -> None:
+    """Remove what an earlier call drew or wrote under names of ours that this one has nothing for."""
+    ours = re.compile(f"({'|'.join(_FIRST_WORDS)})(_.*)?")
+    for path in folder.glob("*.*"):
+        if path.suffix in _SUFFIXES and ours.fullmatch(path.stem) and path.stem not in names:
+            path.unlink()
 
 
 def _claims_table(judgement: Judgement) -> pd.DataFrame:

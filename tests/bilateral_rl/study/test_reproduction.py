@@ -114,8 +114,12 @@ def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_
     assert "Of 14 claims: 14 supported, 0 not supported, 0 undecided." in page
     assert page.count("<img ") == 1
     written = contents(tmp_path)
+    for outdated in ("figures/curve_C1.png", "figures/specialization_untrained.pdf", "tables/pairs_of_old.csv"):
+        (tmp_path / outdated).write_bytes(b"of an earlier call")
+    own = tmp_path / "figures" / "mine.png"
+    own.write_bytes(b"a reader's own")
     concluded(tmp_path, outcomes)
-    assert contents(tmp_path) == written
+    assert contents(tmp_path) == written | {own: b"a reader's own"}
 
 
 def test_readings_judge_the_same_results_each_by_its_own_measure(tmp_path, no_tables):
