@@ -91,12 +91,14 @@ def _words(results: pd.DataFrame, metric: Metric, lesions: Sequence[str], states
 
 
 def _listed(names: Sequence[str], all_names: Sequence[str]) -> str:
+    if not names:
+        return "no lesion"
     if len(names) == len(all_names):
         return "every lesion"
     rest = [name for name in all_names if name not in names]
     if len(rest) == 1:
         return f"all but {lesion_words(rest[0])}"
-    return "; ".join(map(lesion_words, names)) or "no lesion"
+    return "; ".join(map(lesion_words, names))
 
 
 def _index(results: pd.DataFrame, metric: Metric, state: State) -> str:

@@ -99,6 +99,8 @@ def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:
     )
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
     console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
+    if config.spec.architecture != "unilateral":
+        console.print(f"  bilateral-rl lesion {path}", soft_wrap=True, highlight=False)
     console.print(f"  tensorboard --logdir {out}", soft_wrap=True, highlight=False)
     console.print(f"  {_next_training(config, path, out)}", soft_wrap=True, highlight=False)
 

@@ -25,7 +25,7 @@ _MARK = "†"
 _LESIONS_NOTE = (
     "Mean ± standard deviation over the seeds. Fresh: the same done to a freshly initialized network, the control. "
     "p: against the intact network that was treated alike, paired t test, Holm over all pairs of a model's lesions. "
-    f"{_MARK}: not better than the control, so that what is seen was relearned, not kept."
+    f"{_MARK}: not shown to be better than the control: lost, or relearned and not kept."
 )
 _DEPTH_NOTE = (
     "What a deep lesion leaves more than a shallow one of the same side, with its 95 % interval, paired by seed; p of "
@@ -98,7 +98,7 @@ def _relearned(results: pd.DataFrame, metric: Metric, model: str, states: Iterab
             everywhere = len(floored) == sum(above is not None for above in told.values())
             words = "every lesion" if everywhere else "; ".join(map(lesion_words, floored))
             parts.append(f"{protocol_words(state.protocol)} ({words})")
-    return f"Relearned, not kept by {model_label(model)}: {', '.join(parts)}." if parts else ""
+    return f"Lost, or relearned and not kept, by {model_label(model)}: {', '.join(parts)}." if parts else ""
 
 
 def _against_intact(results: pd.DataFrame, metric: Metric, intact: State) -> dict[str, float]:

@@ -80,6 +80,15 @@ def test_few_exceptions_are_said_as_such():
     assert "everything retrained: no lesion" in words(printed(results({"everything": MOST_KEPT | kept})))
 
 
+def test_of_a_single_lesion_it_is_said_whether_it_was_kept():
+    def said(values):
+        table = results({"everything": MOST_KEPT | {DEEP: values}})
+        return words(printed(table[table["lesion"].isin(["intact", DEEP])]))
+
+    assert "everything retrained: no lesion" in said(MOST_KEPT[SHALLOW])
+    assert "everything retrained: every lesion" in said(FRESH)
+
+
 def test_the_index_of_hemispheres_at_the_floor_is_not_shown(out):
     d, n = (np.array(MOST_KEPT[lesion]) for lesion in (OTHER_DEEP, DEEP))
     index = (d - n) / (d + n)

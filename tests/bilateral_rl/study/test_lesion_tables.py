@@ -84,14 +84,16 @@ def test_protocols_stand_side_by_side_each_with_its_control_and_test(tables):
 def test_states_that_are_not_above_their_control_are_named_in_a_sentence(tables):
     # Trained − fresh: 8, 2, 26 after the deep dominant lesion and −2, 12, 1 after the shallow one hold 0.
     lines = tables["lesions_random_reach"].note.splitlines()
-    assert lines[1:] == ["Relearned, not kept by CC-S: output layer retrained (shallow dominant; deep dominant)."]
+    assert lines[1:] == [
+        "Lost, or relearned and not kept, by CC-S: output layer retrained (shallow dominant; deep dominant)."
+    ]
     floored = tables_of(rows(FRESH, "none"), rows(FRESH, "none", "fresh"))["lesions_random_reach"].note
-    assert "Relearned, not kept by CC-S: without retraining (every lesion)." in floored
+    assert "Lost, or relearned and not kept, by CC-S: without retraining (every lesion)." in floored
 
 
 def test_without_a_control_nothing_is_said_to_be_relearned():
     table = tables_of(rows(OUTPUT, "output"))["lesions_random_reach"]
-    assert "Relearned, not kept by" not in table.note
+    assert "Lost, or relearned and not kept" not in table.note
     assert [row[2] for row in table.rows] == ["–"] * 4
     assert not any("†" in row[1] for row in table.rows)
 
