@@ -78,7 +78,7 @@ def reproduce(
         begins = f"{len(grid.tables)} trainings into [bold]{_quoted(folder)}[/bold]"
         console.print(f"{begins}; Ctrl-C stops and saves, the same command goes on.", soft_wrap=True, highlight=False)
         outcomes = run_jobs(grid.jobs(folder), folder, title=study.name, at_once=at_once, ray=ray, console=console)
-    judgements = _conclude(grid, folder, outcomes, console)
+        judgements = _conclude(grid, folder, outcomes, console)
     console.print(_verdicts(judgements))
     if quick:
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")

@@ -11,9 +11,11 @@ import yaml
 from bilateral_rl.config.parse import Values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import refuse_traps, replacing
+from bilateral_rl.io.locks import locked
 from bilateral_rl.io.yaml_files import read_settings
 
 STUDY_FILE = "study.yaml"
+LOCK = ".lock"
 _BEFORE: Values = {"first_seed": 0}
 """What descriptions by earlier versions do not say, as it was then."""
 MACHINE_SETTINGS = ("threads", "device", "track")
@@ -40,13 +42,13 @@ def new_folder(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def claimed_folder(folder: Path, study: Values) -> Iterator[None]:
-    """A context in which ``folder`` is that of the study that ``study`` describes.
+    """A context in which ``folder`` is that of the study that ``study`` describes, and of this process alone.
 
     If the study is refused in the context before anything of it is done, no trace of it is left.
 
     Raises:
         UserError: a folder that cannot be written, or not without harm to other things, or that holds another study or
-            other things.
+            other things, or that another process is at work in.
     """
     path = folder / STUDY_FILE
     with contextlib.ExitStack() as stack:
@@ -57,6 +59,11 @@ def claimed_folder(folder: Path, study: Values) -> Iterator[None]:
                 _check_same(path, read_settings(path, within=folder), study)
             else:
                 stack.enter_context(_new_file(path, yaml.safe_dump(study, sort_keys=False)))
+            stack.enter_context(locked(folder / LOCK))  # last: gone before it is asked whether anything else was left
+        except TimeoutError:
+            raise UserError(
+                f"Another command is at work in the study {folder}; wait for its end, or choose another --out."
+            ) from None
         except OSError as error:
             raise UserError(f"Cannot write the study {folder}: {error.strerror}. Choose another --out.") from None
         yield

@@ -136,3 +136,14 @@ def test_a_study_goes_on_with_other_settings_of_the_machine(tmp_path):
         claimed_folder(tmp_path / "study", {"overrides": {"epochs": 3, "device": "cuda"}}),
     ):
         pass
+
+
+def test_a_folder_takes_one_command_at_a_time(tmp_path):
+    folder, study = tmp_path / "study", Study().to_values()
+    with claimed_folder(folder, study):
+        with pytest.raises(UserError, match="Another command is at work in the study"), claimed_folder(folder, study):
+            pass
+        assert (folder / STUDY_FILE).is_file()
+    with claimed_folder(folder, study):
+        pass
+    assert [path.name for path in folder.iterdir()] == [STUDY_FILE]
