@@ -56,7 +56,7 @@ def seeds_table(answer: Answer) -> ReportTable:
             row += _demand(answer.claim(anchor, number))
         rows.append(row)
     of_words = tuple(range(2, len(columns), 2))
-    note = f"{NOTE}\n{_undecidable(answer)}"
+    note = f"{NOTE}\n{' '.join(map(_of_anchor, answer.anchors))}"
     return ReportTable("seeds", "Seeds that the claims need", columns, rows, note, of_words)
 
 
@@ -76,12 +76,8 @@ def demand_in_words(component: Component) -> str:
     return f"It takes {seeds} seeds to decide."
 
 
-def _undecidable(answer: Answer) -> str:
-    """Say what that means for each anchor."""
-    return " ".join(_of_anchor(anchor) for anchor in answer.anchors)
-
-
 def _of_anchor(anchor: Judgement) -> str:
+    """Say how many seeds do for how many claims under an anchor."""
     needed = {claim.number: seeds_of(claim) for claim in anchor.claims}
     decidable = [n for n in needed.values() if n is not None]
     if not decidable:

@@ -21,7 +21,7 @@ from pydantic.dataclasses import dataclass
 from bilateral_rl.analysis.goals import JUDGED_RADII, STUDY_RADII, in_centimeters
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.claims.criteria import Arrival, Criteria, Depth, ReachMeasure
-from bilateral_rl.config.parse import Values, build, merge
+from bilateral_rl.config.parse import Values, build, flat, merge
 from bilateral_rl.envs.quantities import STRICT, Positive
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
 from bilateral_rl.io.errors import UserError
@@ -113,7 +113,7 @@ class Reading:
     @property
     def choices(self) -> dict[str, str]:
         """What it chooses for each gap, in words; a gap that is filled by the study's own settings says so."""
-        protocol, training = self.protocol, {task: dict(_flat(self.training_of(task))) for task in JUDGED_RADII}
+        protocol, training = self.protocol, {task: dict(flat(self.training_of(task))) for task in JUDGED_RADII}
         penalties = {task: [settings.pop(name, None) for name in _PENALTY] for task, settings in training.items()}
         validation = {task: settings.pop(_VALIDATION, None) for task, settings in training.items()}
         loads = {task: settings.pop(_LOAD, _OWN) for task, settings in training.items()}
@@ -203,15 +203,6 @@ def _values(name: str) -> Values:
         raise UserError(f"Unknown reading {name!r}; choose from all, {known}, or a file that ends in .yaml.")
     with importlib.resources.as_file(_FILES / f"{name}.yaml") as path:
         return read_settings(path)
-
-
-def _flat(settings: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every setting with its dotted name."""
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{path}{name}.")
-        else:
-            yield f"{path}{name}", value
 
 
 def _by_task(words: Mapping[str, str]) -> str:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from bilateral_rl.analysis.protocols import Protocol
-from bilateral_rl.config.parse import Values
+from bilateral_rl.config.parse import Values, flat
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import FINISHED
@@ -99,18 +97,10 @@ class Table:
 
 def training_name(config: TrainConfig, base: TrainConfig) -> str:
     """How settings differ from the study's own, as the name of a folder."""
-    own = dict(_flat(base.to_values()))
-    changed = {name: value for name, value in _flat(config.to_values()) if value != own.get(name, value)}
+    own = dict(flat(base.to_values()))
+    changed = {name: value for name, value in flat(config.to_values()) if value != own.get(name, value)}
     text = ",".join(f"{name}={value}" for name, value in changed.items() if name not in MACHINE_SETTINGS)
     name = re.sub(r"[^\w.=,+-]", "_", text)[:_LONGEST_NAME]
     if name == text:
         return name or BASE
     return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"  # others may come to the same letters
-
-
-def _flat(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{path}{name}.")
-        else:
-            yield f"{path}{name}", value

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 
 from bilateral_rl.bptt.trials import initial_weights_seed
@@ -14,13 +16,16 @@ from bilateral_rl.runs.policies import build_network
 def fresh_copy(network: MotorNetwork, seed: int) -> Tensors:
     """Return the ``state_dict()`` of a freshly initialized network of the same architecture and sizes."""
     sizes = (network.n_inputs, network.n_outputs, network.units, network.layers)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(initial_weights_seed(seed))
-        return dict(make_network(network.architecture, *sizes).state_dict())
+    return _made(lambda: make_network(network.architecture, *sizes), seed)
 
 
 def fresh_network(config: TrainConfig, seed: int) -> Tensors:
     """Return the ``state_dict()`` of a freshly initialized network of the run's model; each seed has one of its own."""
+    return _made(lambda: build_network(config), seed)
+
+
+def _made(make: Callable[[], MotorNetwork], seed: int) -> Tensors:
+    """Return what ``make`` makes from the seed's random stream, which leaves torch's own as it was."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(initial_weights_seed(seed))
-        return dict(build_network(config).state_dict())
+        return dict(make().state_dict())

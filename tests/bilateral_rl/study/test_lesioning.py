@@ -3,79 +3,40 @@
 import copy
 import itertools
 
-import numpy as np
 import pandas as pd
 import pytest
 import torch
+from lesion_studies import (
+    assert_same,
+    evaluated,
+    retrained_by_hand,
+    run_study,
+    study_of,
+    values_of,
+    with_config,
+)
 
 from bilateral_rl.analysis.goals import STUDY_RADII
-from bilateral_rl.analysis.metrics import measure, metrics_of
+from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.config.catalogue import MODELS
-from bilateral_rl.config.parse import merge
-from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS, find_lesion
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies, load_policy, network_states
 from bilateral_rl.study import lesioning
-from bilateral_rl.study.lesioning import LesionSettings, LesionStudy, state_names
+from bilateral_rl.study.lesioning import state_names
 from bilateral_rl.training.fresh_networks import fresh_network
-from bilateral_rl.training.moments import trained_moments
 from bilateral_rl.training.retraining import Retraining
 
-SETTINGS = {"trials": 8, "seed": 7, "threads": 1}
 COMBINED = ["callosum_deep_dominant", "callosum_deep_non_dominant"]
 STATE = ["seed", "lesion", "network", "protocol"]
 NONE = {"network": "trained", "protocol": "none"}
 OUTPUT = {"network": "trained", "protocol": "output"}
-OUTPUT_LAYER = Protocol("output")
 NO_RETRAINING = {"protocols": (Protocol("none"),)}
-
-
-def study_of(folder, only=None, weights="final", **settings):
-    return LesionStudy(folder, LesionSettings(**{**SETTINGS, **settings}), only, weights)
-
-
-def run_study(folder, only=None, weights="final", **settings):
-    return study_of(folder, only, weights, **settings).run()
-
-
-def with_config(folder, **values):
-    """The run, as if it had been trained with other settings."""
-    folder.write_config(resolve(None, None, [merge(folder.config().to_values(), values)]))
-    return folder
-
-
-def values_of(results, **wanted):
-    """By metric, of the one state wanted."""
-    rows = results[np.logical_and.reduce([results[name] == value for name, value in wanted.items()])]
-    assert rows["metric"].is_unique
-    return rows.set_index("metric")["value"]
-
-
-def evaluated(folder, policy, lesion, **settings):
-    """The same by hand."""
-    config, settings = folder.config(), {**SETTINGS, **settings}
-    with policy.motor_network.lesioned(lesion):
-        record = Evaluator(config.task, config.trial, settings["trials"], settings["seed"]).run(policy)
-    return pd.Series(measure(record, metrics_of(config.task, STUDY_RADII)))
-
-
-def retrained_by_hand(folder, seed, lesion, trials=None, protocol=OUTPUT_LAYER, state=None, moments=None):
-    """The policy of one seed after a protocol, made without the others."""
-    config, policy = folder.config(), load_policy(folder, seed=seed)
-    layout, state = Layout(build_network(config)), state or network_states(folder)[seed]
-    row = Retraining(config, protocol, trials, threads=1).run(layout.pack([state]), [seed], [lesion], moments)
-    policy.motor_network.load_state_dict({name: tensor[0] for name, tensor in layout.unpack(row).items()})
-    return policy
-
-
-def assert_same(first, second):
-    pd.testing.assert_series_equal(first, second, check_exact=True, check_names=False)
 
 
 @pytest.fixture(scope="module")
@@ -389,72 +350,3 @@ def test_a_network_of_one_side_has_one_state(tmp_path, small_bptt):
     results = run_study(folder, trials=2)
     assert set(results["lesion"]) == {"intact"}
     assert set(results["protocol"]) == {"none", "output", "everything"}
-
-
-# Protocols
-
-
-def test_an_optimizer_is_continued_where_there_was_one_and_the_control_begins_anew(bptt_run):
-    protocols = (Protocol("everything"), Protocol("everything", optimizer="continued"))
-    results = run_study(bptt_run, lesions=("callosum",), protocols=protocols)
-    state = {"seed": 1, "lesion": "callosum"}
-    fresh, continued = ({**state, "protocol": protocol.name} for protocol in protocols)
-    moments = trained_moments(bptt_run, [1])
-    policy = retrained_by_hand(bptt_run, 1, LESIONS["callosum"], protocol=protocols[1], moments=moments)
-    found = values_of(results, **continued, network="trained")
-    assert_same(found, evaluated(bptt_run, policy, "callosum"))
-    assert found["effort"] != values_of(results, **fresh, network="trained")["effort"]
-    assert_same(values_of(results, **fresh, network="fresh"), values_of(results, **continued, network="fresh"))
-    used = results[results["protocol"] == continued["protocol"]].groupby("network")["optimizer"].unique()
-    assert {network: list(values) for network, values in used.items()} == {
-        "trained": ["continued"],
-        "fresh": ["fresh"],
-    }
-
-
-def test_an_optimizer_goes_on_with_the_weights_that_it_left(bptt_run):
-    tensors = bptt_run.load_weights("final")
-    bptt_run.save_weights("final", {name: t if name == "seeds" else 2 * t for name, t in tensors.items()})
-    with pytest.raises(UserError, match="not of its weights 'final'"):
-        study_of(bptt_run, protocols=(Protocol("output", optimizer="continued"),))
-
-
-def test_the_columns_hold_the_numbers_that_were_used(bptt_run):
-    with_config(bptt_run, bptt={"penalty": "activity", "penalty_coefficient": 0.5, "learning_rate": 0.03})
-    protocols = (Protocol("none"), Protocol("output"), Protocol("everything", 2, 0.01, "weights"))
-    results = run_study(bptt_run, only=0, lesions=("callosum",), protocols=protocols, control=False, trials=2)
-    columns = [
-        "protocol",
-        "retrain",
-        "epochs",
-        "learning_rate",
-        "penalty",
-        "penalty_coefficient",
-        "optimizer",
-        "trials",
-    ]
-    rows = results[columns].drop_duplicates().astype(object)
-    assert rows.where(rows.notna(), None).to_numpy().tolist() == [
-        ["none", "none", 0, None, "none", None, "none", "none"],
-        ["output", "output", 1, 0.03, "activity", 0.5, "fresh", "new"],
-        ["everything-2-epochs-lr-0.01-penalty-weights", "everything", 2, 0.01, "weights", 0.001, "fresh", "new"],
-    ]
-
-
-def test_lesions_in_one_stack_bring_the_same_as_one_after_the_other(bptt_run, results, monkeypatch):
-    """As on a GPU, which has room for them."""
-    heard = []
-    for at_once in (1, 2, 8):
-        monkeypatch.setattr(LesionStudy, "_at_once", at_once)
-        protocols = (Protocol("none"), Protocol("everything", optimizer="continued"), Protocol("output"))
-        study = study_of(bptt_run, protocols=protocols, lesions=("callosum", "shallow_dominant"))
-        heard.append((study.run(lambda *state: heard.append(state[0])), at_once))
-    tables = [item[0] for item in heard if isinstance(item, tuple)]
-    for other in tables[1:]:
-        pd.testing.assert_frame_equal(other, tables[0], check_exact=True)
-    assert [item for item in heard if isinstance(item, int)] == [0, 1, 2, 3, 0, 2, 3, 0, 3]
-
-
-def test_a_study_without_any_protocol_is_refused(trained):
-    with pytest.raises(UserError, match="needs a protocol"):
-        study_of(trained, protocols=())
