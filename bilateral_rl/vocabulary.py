@@ -11,6 +11,7 @@ Every room may import this file, and it imports nothing but Python: it is the gr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -116,9 +117,17 @@ def group_shares(loss: Loss) -> dict[str, tuple[float, ...]]:
     return dict.fromkeys(GROUPS, (1.0,) * len(stream_mix(loss)))
 
 
-def group_penalties(loss: Loss) -> dict[str, float]:
-    """Return the weight of the weight penalty on each parameter group, routed like the rest of the loss."""
+def group_penalties(loss: Loss, scales: Sequence[float] | None = None) -> dict[str, float]:
+    """Return the weight of the weight penalty on each parameter group, routed like the rest of the loss.
+
+    Args:
+        loss: what trains the model.
+        scales: by how much each stream's loss is scaled, and with it the penalty, which is one of its terms; None for
+            losses in their own size.
+    """
     streams = stream_penalties(loss)
+    if scales is not None:
+        streams = tuple(weight * scale for weight, scale in zip(streams, scales, strict=True))
     return {
         group: sum(share * weight for share, weight in zip(shares, streams, strict=True))
         for group, shares in group_shares(loss).items()

@@ -123,10 +123,21 @@ class Hemispheric(BaseAlgorithm):
         """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
         return self.policy.parameter_groups()
 
-    def _route(self, losses: Sequence[Tensor], groups: Mapping[str, Sequence[nn.Parameter]]) -> None:
-        """Set the gradient of every parameter of ``groups`` from the streams' losses, and the weight penalty's."""
+    def _route(
+        self, losses: Sequence[Tensor], groups: Mapping[str, Sequence[nn.Parameter]], scales: Sequence[float]
+    ) -> None:
+        """Set the gradient of every parameter of ``groups`` from the streams' losses, and the weight penalty's.
+
+        The penalty is a term of the paper's loss. What scales the rest of a stream's loss must scale it too: left as it
+        is beside small losses, it shrinks the hemisphere that pays it before that has learned anything.
+
+        Args:
+            losses: one scalar per stream, of one graph.
+            groups: the parameters of each owner.
+            scales: for each stream, the size of its loss's gradient by the network, in that of the mean reward's.
+        """
         assign_routed_gradients(losses, groups, self._shares)
-        add_weight_penalty(self._network_groups, group_penalties(self.loss), self.weight_penalty)
+        add_weight_penalty(self._network_groups, group_penalties(self.loss, scales), self.weight_penalty)
 
     # --- logs -------------------------------------------------------------------------------------------------------
 

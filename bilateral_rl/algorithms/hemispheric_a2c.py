@@ -33,6 +33,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         loss: "specialized" for a stream by side; "combined", "dominant" or "non_dominant" for a single stream.
         weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4). Specialized, the
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
+            It is scaled as the rewards are: by ``reward_scale``, and with them when advantages are normalized.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
         learning_rate: the optimizer's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
@@ -128,9 +129,10 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         log: Log = defaultdict(list)
         for batch in self.rollout_buffer.get():
             # Policy gradient of stream s: -mean A_s log π(a); the log density (b,) is one for both streams.
-            policy_loss = -(self._advantages(batch) * self._log_prob(batch)[:, None]).mean(dim=0)  # (n_streams,)
+            advantages, scales = self._advantages(batch)  # (b, n_streams)
+            policy_loss = -(advantages * self._log_prob(batch)[:, None]).mean(dim=0)  # (n_streams,)
             values = self.policy.predict_stream_values(batch.observations)  # (b, n_streams)
             value_loss = (values - batch.returns).square().mean(dim=0)
-            self._step(self._stream_losses(policy_loss, value_loss, log), log)
+            self._step(self._stream_losses(policy_loss, value_loss, log), scales, log)
         self._n_updates += 1
         self._record(log)

@@ -38,6 +38,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         loss: "specialized" for a stream by side; "combined", "dominant" or "non_dominant" for a single stream.
         weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4). Specialized, the
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
+            It is scaled as the rewards are: by ``reward_scale``, and with them when advantages are normalized.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
         learning_rate: Adam's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
@@ -158,21 +159,24 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
     def _train_epoch(self, clip_range: float, log: Log) -> bool:
         """Pass over the rollout once; return False if it stopped early because the policy had moved too far."""
         for batch in self.rollout_buffer.get(self.batch_size):
-            losses, approx_kl = self._losses(batch, clip_range, log)
+            losses, scales, approx_kl = self._losses(batch, clip_range, log)
             if self.target_kl is not None and approx_kl > 1.5 * self.target_kl:
                 return False
-            self._step(losses, log)
+            self._step(losses, scales, log)
         return True
 
-    def _losses(self, batch: StreamBatch, clip_range: float, log: Log) -> tuple[list[Tensor], float]:
-        """Return each stream's loss, and the approximate KL divergence from the policy that collected the batch."""
+    def _losses(self, batch: StreamBatch, clip_range: float, log: Log) -> tuple[list[Tensor], list[float], float]:
+        """Return each stream's loss, by how much it scales rewards, and the policy's approximate KL divergence.
+
+        The divergence is that from the policy that collected the batch.
+        """
         # ρ = π(a) / π_old(a). The squashing changes both densities by the same factor, so that the Gaussians before it
         # have the same ratio. It is one ratio (b,) for both streams; advantages and values are each stream's.
         log_ratio = self._log_prob(batch) - batch.old_log_prob  # (b,)
         values = self.policy.predict_stream_values(batch.observations)  # (b, n_streams)
         ratio = log_ratio.exp()
         clipped = ratio.clamp(1 - clip_range, 1 + clip_range)
-        advantages = self._advantages(batch)  # (b, n_streams)
+        advantages, scales = self._advantages(batch)  # (b, n_streams)
         # The clipped surrogate of stream s: -mean min(ρ A_s, clip(ρ, 1 - ε, 1 + ε) A_s). The minimum makes it
         # pessimistic: nothing is gained by moving ρ beyond the bound, but what is lost there counts in full.
         policy_loss = -torch.min(advantages * ratio[:, None], advantages * clipped[:, None]).mean(dim=0)  # (n_streams,)
@@ -182,7 +186,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             approx_kl = (ratio - 1 - log_ratio).mean()
             log["train/approx_kl"].append(approx_kl)
             log["train/clip_fraction"].append(((ratio - 1).abs() > clip_range).float().mean())
-        return self._stream_losses(policy_loss, value_loss, log), float(approx_kl)
+        return self._stream_losses(policy_loss, value_loss, log), scales, float(approx_kl)
 
     def _clipped_values(self, values: Tensor, old_values: Tensor) -> Tensor:
         """Return ``values`` (b, n_streams), no further from ``old_values`` than ``clip_range_vf`` allows."""

@@ -39,6 +39,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         loss: "specialized" for a stream by side; "combined", "dominant" or "non_dominant" for a single stream.
         weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4). Specialized, the
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
+            It is scaled as the rewards are, by ``reward_scale``.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
         critic_warm_up: updates of the critics before the first of the network. The cost of effort shows at once and
             what movement is good for only later, so that a network that follows fresh critics learns to do nothing.

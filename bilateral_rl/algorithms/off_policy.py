@@ -123,7 +123,7 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         """Move the network, and what ``others`` optimize, one step along the losses' (n_streams,) routed gradients."""
         if self._n_updates <= self.critic_warm_up:
             return
-        self._route(list(losses.unbind()), self._actor_groups)
+        self._route(list(losses.unbind()), self._actor_groups, [self.reward_scale] * len(losses))
         for optimizer in (self.policy.actor.optimizer, *others):
             optimizer.step()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -136,12 +136,16 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         """Return the log density (b,) of the batch's actions before their squashing, under the present policy."""
         return gaussian_log_prob(batch.latent_actions, self.policy.action_mean(batch.observations), self.policy.log_std)
 
-    def _advantages(self, batch: StreamBatch) -> Tensor:
-        """Return the advantages (b, n_streams); if they are to be normalized, each stream's by themselves."""
+    def _advantages(self, batch: StreamBatch) -> tuple[Tensor, list[float]]:
+        """Return the advantages (b, n_streams), and by how much each stream's rewards are scaled in them.
+
+        If advantages are to be normalized, each stream's are by themselves.
+        """
         advantages = batch.advantages
-        if self.normalize_advantage and len(advantages) > 1:
-            advantages = (advantages - advantages.mean(dim=0)) / (advantages.std(dim=0) + 1e-8)
-        return advantages
+        if not self.normalize_advantage or len(advantages) < 2:
+            return advantages, [self.reward_scale] * advantages.shape[1]
+        std = advantages.std(dim=0) + 1e-8
+        return (advantages - advantages.mean(dim=0)) / std, (self.reward_scale / std).tolist()
 
     def _stream_losses(self, policy_loss: Tensor, value_loss: Tensor, log: Log) -> list[Tensor]:
         """Add up each stream's loss from its parts (n_streams,).
@@ -157,9 +161,9 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             loss = loss - ent_coef * gaussian_entropy(self.policy.log_std)
         return list(loss.unbind())
 
-    def _step(self, losses: list[Tensor], log: Log) -> None:
-        """Update every parameter once from the streams' losses."""
-        self._route(losses, self._groups)
+    def _step(self, losses: list[Tensor], scales: Sequence[float], log: Log) -> None:
+        """Update every parameter once from the streams' losses, which scale the rewards by ``scales``."""
+        self._route(losses, self._groups, scales)
         norms = clip_group_gradients(self._groups, self.max_grad_norm)
         self.policy.optimizer.step()
         for name, (before, after) in norms.items():

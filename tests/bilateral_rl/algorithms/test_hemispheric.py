@@ -55,11 +55,18 @@ def test_every_parameter_is_trained_and_in_one_group_with_a_share(algorithm, pol
     assert not [name for name, gradient in gradients.items() if gradient is None or not gradient.any()]
 
 
+def scale_of_the_last_stream(model):
+    """How much smaller or larger than the rewards the loss is that follows them; the last stream pays the penalty."""
+    if getattr(model, "normalize_advantage", False):
+        return model.reward_scale / model.rollout_buffer.advantages[..., -1].std(ddof=1)
+    return model.reward_scale
+
+
 @each_loss
-def test_the_weight_penalty_touches_exactly_the_groups_it_names(algorithm, policy, loss):
+def test_the_weight_penalty_touches_exactly_the_groups_it_names_in_the_scale_of_their_loss(algorithm, policy, loss):
     coefficient = 0.3
     # A standard deviation other than 1, whose logarithm would feel a penalty.
-    settings = WHOLE_ROLLOUT[algorithm] | {"policy_kwargs": {"log_std_init": -1.0}}
+    settings = WHOLE_ROLLOUT[algorithm] | {"reward_scale": 0.5, "policy_kwargs": {"log_std_init": -1.0}}
     gradients = []
     for weight_penalty in (0.0, coefficient):
         model = collect(make_model(algorithm, policy, loss=loss, weight_penalty=weight_penalty, **settings))
@@ -70,6 +77,7 @@ def test_the_weight_penalty_touches_exactly_the_groups_it_names(algorithm, polic
     for group, names in names_by_group(model).items():
         for name in names:
             weight = PENALTY_ON_GROUP[loss][group] if id(values[name]) in network else 0.0
+            weight *= scale_of_the_last_stream(model)
             expected = without[name] + weight * coefficient * values[name].detach()
             if weight:
                 torch.testing.assert_close(with_penalty[name], expected, rtol=1e-5, atol=1e-7)

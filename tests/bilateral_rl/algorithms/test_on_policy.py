@@ -46,14 +46,17 @@ def test_a_stream_without_advantages_moves_no_parameter_of_its_hemisphere(
 
 
 def test_each_streams_advantages_are_normalized_by_themselves(algorithm):
-    model = collect(make_model(algorithm, normalize_advantage=True))
+    model = collect(make_model(algorithm, normalize_advantage=True, reward_scale=0.5))
     (batch,) = model.rollout_buffer.get(ROLLOUT)
-    raw, normalized = batch.advantages, model._advantages(batch)
+    raw, (normalized, scales) = batch.advantages, model._advantages(batch)
     assert (raw[:, 0].std() / raw[:, 1].std() - 1).abs() > 0.1, "the streams were meant to differ"
     torch.testing.assert_close(normalized.mean(dim=0), torch.zeros(2), rtol=0, atol=1e-5)
     torch.testing.assert_close(normalized.std(dim=0), torch.ones(2))
+    assert scales == pytest.approx((0.5 / raw.std(dim=0)).tolist())
     model.normalize_advantage = False
-    assert torch.equal(model._advantages(batch), raw)
+    advantages, scales = model._advantages(batch)
+    assert torch.equal(advantages, raw)
+    assert scales == [0.5, 0.5]
 
 
 def test_each_group_is_clipped_by_itself_in_an_update(algorithm):

@@ -135,6 +135,11 @@ def test_the_penalty_weighs_on_each_group_as_the_paper_says():
     assert {loss: group_penalties(loss) for loss in LOSSES} == PENALTY_ON_GROUP
 
 
+def test_the_penalty_is_scaled_as_the_streams_that_pay_it():
+    assert group_penalties("specialized", [10.0, 0.25]) == {"dominant": 0.0, "non_dominant": 0.5, "shared": 0.25}
+    assert group_penalties("combined", [0.25]) == {"dominant": 0.25, "non_dominant": 0.25, "shared": 0.25}
+
+
 @pytest.mark.parametrize("loss", LOSSES)
 def test_the_penaltys_gradient_is_autograds_of_half_the_squared_weights(loss):
     coefficient = 0.7
