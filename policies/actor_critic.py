@@ -12,7 +12,7 @@ from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
-from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
+from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands, check_traces
 from bilateral_rl.policies.networks import MotorNetwork, make_network
 from bilateral_rl.vocabulary import Architecture
 
@@ -22,7 +22,9 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
 
     An action is ``tanh`` of a Gaussian around half the network's output before its sigmoid, rescaled to the action
     space. As sigmoid(z) = (tanh(z / 2) + 1) / 2, the deterministic action on muscles commanded in [-1, 1] is exactly
-    the network's sigmoid output. The critics are networks of their own and see the same observation.
+    the network's sigmoid output. The critics are networks of their own and see the same observation, and traces of past
+    actions if there are any. Those the algorithm keeps: SB3's ``forward``, ``evaluate_actions`` and ``predict_values``,
+    which have no argument for them, are then refused.
 
     Args:
         observation_space: any space that SB3 flattens.
@@ -33,6 +35,7 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         layers: hidden layers of the actor.
         critic_arch: units of each hidden layer of a critic.
         n_streams: number of reward streams, a critic for each. SB3's scalar value is the mean of the streams' values.
+        n_traces: traces of past actions that the critics see besides the observation, as many as the algorithm keeps.
         log_std_init: log of the initial standard deviation, before the squashing.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
         **kwargs: further arguments of SB3's ``ActorCriticPolicy``.
@@ -54,6 +57,7 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         layers: int = 2,
         critic_arch: tuple[int, ...] = (64, 64),
         n_streams: int = 1,
+        n_traces: int = 0,
         log_std_init: float = 0.0,
         use_sde: bool = False,
         **kwargs: Any,
@@ -65,7 +69,7 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
             "layers": layers,
         }
         self.critic_arch = tuple(critic_arch)
-        self.n_streams = n_streams
+        self.n_streams, self.n_traces = n_streams, n_traces
         super().__init__(
             observation_space,
             action_space,
@@ -81,7 +85,10 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         n_actions = get_action_dim(self.action_space)
         self._squash_output = True
         self.action_dist = SquashedDiagGaussianDistribution(n_actions)
-        self.mlp_extractor = _Latents(self.features_dim, n_actions, self._network, self.critic_arch, self.n_streams)  # type: ignore[assignment]
+        traces_dim = self.n_traces * (n_actions + 1)
+        self.mlp_extractor = _Latents(  # type: ignore[assignment]
+            self.features_dim, n_actions, self._network, self.critic_arch, self.n_streams, traces_dim
+        )
         self.action_net = nn.Identity()  # type: ignore[assignment]
         self.value_net = _MeanOfStreams()  # type: ignore[assignment]
         self.log_std = nn.Parameter(torch.full((n_actions,), float(self.log_std_init)))
@@ -114,16 +121,28 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         features = BasePolicy.extract_features(self, obs, self.pi_features_extractor)
         return self.mlp_extractor.forward_actor(features)  # type: ignore[no-any-return, operator, arg-type]
 
-    def predict_stream_values(self, obs: PyTorchObs) -> Tensor:
-        """Return the value of each reward stream, (n, n_streams)."""
+    def predict_stream_values(self, obs: PyTorchObs, traces: Tensor | None = None) -> Tensor:
+        """Return the value of each reward stream, (n, n_streams).
+
+        Args:
+            obs: (n, n_observed).
+            traces: (n, traces_dim), of the actions before; None for critics that see none.
+
+        Raises:
+            ValueError: traces that are missing or of another size.
+        """
         features = BasePolicy.extract_features(self, obs, self.vf_features_extractor)
-        return self.mlp_extractor.forward_critic(features)  # type: ignore[no-any-return, operator, arg-type]
+        return self.mlp_extractor.forward_critic(features, traces)  # type: ignore[no-any-return, operator, arg-type, call-arg]
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()
         for name in ("net_arch", "ortho_init", "activation_fn", "squash_output", "full_std", "use_expln"):
             del data[name]
-        return data | self._network | {"critic_arch": self.critic_arch, "n_streams": self.n_streams}
+        return (
+            data
+            | self._network
+            | {"critic_arch": self.critic_arch, "n_streams": self.n_streams, "n_traces": self.n_traces}
+        )
 
 
 class UnilateralPolicy(BilateralActorCriticPolicy):
@@ -148,11 +167,18 @@ class _Latents(nn.Module):
     """SB3's ``mlp_extractor``: maps features to half the actor's output, and to the streams' values."""
 
     def __init__(
-        self, n_inputs: int, n_actions: int, network: dict[str, Any], critic_arch: tuple[int, ...], n_streams: int
+        self,
+        n_inputs: int,
+        n_actions: int,
+        network: dict[str, Any],
+        critic_arch: tuple[int, ...],
+        n_streams: int,
+        traces_dim: int,
     ) -> None:
         super().__init__()
         self.actor = make_network(n_inputs=n_inputs, n_outputs=n_actions, **network)
-        self.critics = nn.ModuleList(_critic(n_inputs, critic_arch) for _ in range(n_streams))
+        self.traces_dim = traces_dim
+        self.critics = nn.ModuleList(_critic(n_inputs + traces_dim, critic_arch) for _ in range(n_streams))
         self.latent_dim_pi, self.latent_dim_vf = n_actions, n_streams
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
@@ -165,8 +191,15 @@ class _Latents(nn.Module):
         # the excitation sigmoid(z) in [0, 1], as a command in [-1, 1].
         return self.actor(features) / 2  # type: ignore[no-any-return]
 
-    def forward_critic(self, features: Tensor) -> Tensor:
-        """Map features (n, n_inputs) to the value of each stream (n, n_streams)."""
+    def forward_critic(self, features: Tensor, traces: Tensor | None = None) -> Tensor:
+        """Map features (n, n_inputs) and traces (n, traces_dim) to the value of each stream (n, n_streams).
+
+        Raises:
+            ValueError: traces that are missing or of another size.
+        """
+        check_traces(self.traces_dim, traces)
+        if traces is not None and self.traces_dim:
+            features = torch.cat([features, traces], dim=1)
         return torch.cat([critic(features) for critic in self.critics], dim=1)
 
 

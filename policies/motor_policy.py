@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.policies import BasePolicy
-from torch import nn
+from torch import Tensor, nn
 
 from bilateral_rl.policies.networks import MotorNetwork
 
@@ -19,10 +19,12 @@ class MotorPolicy(BasePolicy):
     Attributes:
         NETWORK_KEY: prefix of the network's entries in ``state_dict()``.
         n_streams: number of reward streams that the critics predict.
+        n_traces: traces of past actions that the critics see besides the observation.
     """
 
     NETWORK_KEY: ClassVar[str]
     n_streams: int
+    n_traces: int
 
     @property
     @abstractmethod
@@ -69,3 +71,17 @@ def check_commands(action_space: spaces.Space[Any], use_sde: bool) -> None:
         raise ValueError(f"the policy commands muscles in a bounded Box, not {action_space}.")
     if use_sde:
         raise ValueError("state-dependent exploration (use_sde) is not available for this policy.")
+
+
+def check_traces(traces_dim: int, traces: Tensor | None) -> None:
+    """Refuse traces of past actions of another size than critics see.
+
+    Raises:
+        ValueError: traces (n, traces_dim) that are missing or of another size.
+    """
+    size = 0 if traces is None else traces.shape[1]
+    if size != traces_dim:
+        raise ValueError(
+            f"the critics of this policy see {traces_dim} numbers of action traces besides observations, got {size}: "
+            "train by a hemispheric algorithm with action_traces, and give them to predict_stream_values(obs, traces)."
+        )

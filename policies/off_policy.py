@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.distributions import SquashedDiagGaussianDistribution
-from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
 from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.stream_critics import StreamCritics
 from bilateral_rl.vocabulary import Architecture
 
 LOG_STD_BOUNDS = (-20.0, 2.0)
@@ -108,6 +109,8 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         critic_arch: units of each hidden layer of a critic.
         n_critics: number of critics of each stream.
         n_streams: number of reward streams.
+        n_traces: traces of past actions that the critics see besides the observation, as many as the algorithm keeps.
+        standardize_inputs: whether the critics standardize observations and traces.
         log_std_init: log of the initial standard deviation, before the squashing; SAC only.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
         **kwargs: further arguments of SB3's policy.
@@ -120,7 +123,8 @@ class BilateralOffPolicyPolicy(MotorPolicy):
     architecture: ClassVar[Architecture] = "bilateral"
     stochastic: ClassVar[bool]
     actor: MotorActor
-    critic: ContinuousCritic
+    critic: StreamCritics
+    critic_target: StreamCritics
 
     def __init__(
         self,
@@ -133,6 +137,8 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         critic_arch: tuple[int, ...] = (64, 64),
         n_critics: int = 2,
         n_streams: int = 1,
+        n_traces: int = 0,
+        standardize_inputs: bool = False,
         log_std_init: float = 0.0,
         use_sde: bool = False,
         **kwargs: Any,
@@ -146,6 +152,7 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         self._log_std_init = log_std_init
         self.critic_arch = tuple(critic_arch)
         self.n_critics, self.n_streams = n_critics, n_streams
+        self.n_traces, self.standardize_inputs = n_traces, standardize_inputs
         super().__init__(
             observation_space,
             action_space,
@@ -165,6 +172,12 @@ class BilateralOffPolicyPolicy(MotorPolicy):
             "log_std_init": self._log_std_init if self.stochastic else None,
         }
         return MotorActor(**self._update_features_extractor(arguments, features_extractor)).to(self.device)
+
+    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> StreamCritics:
+        """Build all streams' critics with random weights; SB3 calls it for the critics and for their targets."""
+        arguments = self._update_features_extractor(self.critic_kwargs, features_extractor)  # type: ignore[arg-type]
+        arguments |= {"n_traces": self.n_traces, "standardize_inputs": self.standardize_inputs}
+        return StreamCritics(**arguments).to(self.device)
 
     def _build(self, lr_schedule: Schedule) -> None:
         self._use_fused_adam()
@@ -194,20 +207,33 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         groups["shared"] += [parameter for key, parameter in trained.items() if key not in owned]
         return groups
 
-    def first_values(self, observations: Tensor, actions: Tensor) -> Tensor:
+    def stream_values(
+        self, critics: StreamCritics, obs: Tensor, actions: Tensor, traces: Tensor | None = None
+    ) -> Tensor:
+        """Return the value that every critic of every stream gives to ``actions`` (b, n_actions) in [-1, 1].
+
+        Args:
+            critics: the policy's or their targets.
+            obs: (b, n_observed).
+            actions: (b, n_actions).
+            traces: (b, traces_dim) of the actions before.
+
+        Returns:
+            (b, n_streams, n_critics).
+        """
+        values = torch.cat(critics(obs, actions, traces), dim=1)  # (b, n_streams · n_critics), stream by stream
+        return values.reshape(len(values), self.n_streams, self.n_critics)
+
+    def first_values(self, obs: Tensor, actions: Tensor, traces: Tensor | None = None) -> Tensor:
         """Return the value that the first critic of each stream gives to ``actions`` (b, n_actions), (b, n_streams)."""
-        critic = self.critic
-        with torch.no_grad():  # as in SB3: what the actor's features extractor learns comes through the action
-            features = critic.extract_features(observations, critic.features_extractor)
-        inputs = torch.cat([features, actions], dim=1)
-        # A stream's first critic is every n_critics-th of the list.
-        return torch.cat([network(inputs) for network in critic.q_networks[:: self.n_critics]], dim=1)
+        return self.critic.first_values(obs, actions, self.n_critics, traces)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()
         for name in ("net_arch", "use_sde", "use_expln", "clip_mean"):
             data.pop(name, None)
         critics = {"critic_arch": self.critic_arch, "n_critics": self.n_critics, "n_streams": self.n_streams}
+        critics |= {"n_traces": self.n_traces, "standardize_inputs": self.standardize_inputs}
         return data | self._network | critics | {"log_std_init": self._log_std_init}
 
 

@@ -11,10 +11,13 @@ import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.type_aliases import GymEnv
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.preprocessing import get_action_dim
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor, nn
 
+from bilateral_rl.algorithms.action_traces import ActionTraces
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
@@ -37,10 +40,13 @@ class Hemispheric(BaseAlgorithm):
     others to the SB3 parent.
 
     Raises:
-        ValueError: an unknown loss, a policy that is not bilateral_rl's, or observations that are not a Box.
+        ValueError: an unknown loss, a policy that is not bilateral_rl's, decays of traces that are not in [0, 1), or
+            observations that are not a Box.
     """
 
     policy: MotorPolicy
+    action_traces: tuple[float, ...] = ()  # of models that were saved before there were any
+    _last_traces: NDArray[np.float32] | None = None  # (n_envs, n): of the actions before the last observation
     POLICY_CLASS: ClassVar[type[MotorPolicy]]
     """The class that ``policy`` must be of."""
 
@@ -52,6 +58,7 @@ class Hemispheric(BaseAlgorithm):
         loss: Loss,
         weight_penalty: float,
         reward_scale: float,
+        action_traces: Sequence[float],
         policy_kwargs: dict[str, Any] | None,
         **sb3_arguments: Any,
     ) -> None:
@@ -60,14 +67,18 @@ class Hemispheric(BaseAlgorithm):
         self.loss = loss
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
+        self.action_traces = tuple(action_traces)
         for name, default in _STATE_DEPENDENT_EXPLORATION.items():
             if sb3_arguments.get(name, default) != default:
                 raise ValueError(f"state-dependent exploration ({name}) is not available; leave it out.")
-        policy_kwargs = {"n_streams": len(stream_mix(loss))} | (policy_kwargs or {})
+        critics_of = {"n_streams": len(stream_mix(loss)), "n_traces": len(self.action_traces)}
+        policy_kwargs = critics_of | (policy_kwargs or {})
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **sb3_arguments)
 
     @classmethod
-    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
+    def constructor_arguments(
+        cls, hyperparameters: Mapping[str, Any], timesteps: int, n_envs: int, n_actions: int
+    ) -> dict[str, Any]:
         """Translate a configuration's hyperparameters into arguments of the constructor.
 
         A subclass translates those of its own whose name or form is another one in configurations, which hold nothing
@@ -75,6 +86,7 @@ class Hemispheric(BaseAlgorithm):
 
         Args:
             hyperparameters: the algorithm's section of a configuration, such as ``ppo:``.
+            timesteps: steps of the whole training, over all environments.
             n_envs: number of environments.
             n_actions: number of muscles.
         """
@@ -86,6 +98,9 @@ class Hemispheric(BaseAlgorithm):
         if not isinstance(self.observation_space, spaces.Box):
             name = type(self).__name__
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
+        self.action_traces = tuple(self.action_traces)  # a saved model has them in a list
+        if isinstance(self.action_space, spaces.Box):  # the policy refuses any other
+            self._traces = ActionTraces(self.action_traces, get_action_dim(self.action_space))
         super()._setup_model()  # type: ignore[safe-super]
         self._mix = np.array(stream_mix(self.loss), dtype=np.float32)  # (n_streams, 2)
         self._shares = policy_shares(self.loss)
@@ -97,9 +112,38 @@ class Hemispheric(BaseAlgorithm):
                 f"the loss {self.loss!r} needs {len(self._mix)} critics, but the policy has {self.policy.n_streams}: "
                 "a saved model keeps its loss, and policy_kwargs leave n_streams out."
             )
+        if self.policy.n_traces != len(self.action_traces):
+            raise ValueError(
+                f"action_traces has {len(self.action_traces)} decays, but the policy's critics see "
+                f"{self.policy.n_traces} traces: a saved model keeps its traces, and policy_kwargs leave n_traces out."
+            )
+
+    def _setup_learn(
+        self,
+        total_timesteps: int,
+        callback: MaybeCallback = None,
+        reset_num_timesteps: bool = True,
+        tb_log_name: str = "run",
+        progress_bar: bool = False,
+    ) -> tuple[int, BaseCallback]:
+        if reset_num_timesteps or self._last_obs is None or self._last_traces is None:
+            assert self.env is not None
+            self._last_traces = self._traces.start(self.env.num_envs)
+        return super()._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+
+    def _trace(self, actions: NDArray[np.floating], dones: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Take in the actions (n_envs, n_actions) of a step, each number scaled to [-1, 1].
+
+        Returns:
+            The traces after it (n_envs, n); where it ended a trial, the next step begins with new ones.
+        """
+        assert self._last_traces is not None
+        after = self._traces.advance(self._last_traces, actions.reshape(len(actions), -1))
+        self._last_traces = np.where(dones[:, None], np.float32(0), after)
+        return after
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_mix", "_shares", "_groups", "_network_groups"]
+        return [*super()._excluded_save_params(), "_traces", "_mix", "_shares", "_groups", "_network_groups"]
 
     # --- rewards ----------------------------------------------------------------------------------------------------
 

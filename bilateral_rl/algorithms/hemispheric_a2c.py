@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -22,8 +23,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
     Each stream has its own critic, advantage and policy loss; one optimizer step over the whole rollout applies the
     routed gradients (``algorithms/routing.py``), clipped per parameter group.
 
-    The arguments are those of SB3's ``A2C``, with its defaults, and three more: ``loss``, ``weight_penalty`` and
-    ``reward_scale``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
+    The arguments are those of SB3's ``A2C``, with its defaults, and four more: ``loss``, ``weight_penalty``,
+    ``reward_scale`` and ``action_traces``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -35,6 +36,9 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
             It is scaled as the rewards are: by ``reward_scale``, and with them when advantages are normalized.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
+        action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
+            observation; none by default. They tell critics of hidden states of actuators, such as the activation of
+            muscles (``algorithms/action_traces.py``). The network sees the observation alone.
         learning_rate: the optimizer's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         gamma: discount.
@@ -71,6 +75,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         weight_penalty: float = 0.001,
         reward_scale: float = 1.0,
         *,
+        action_traces: Sequence[float] = (),
         learning_rate: float | Schedule = 7e-4,
         n_steps: int = 5,
         gamma: float = 0.99,
@@ -99,6 +104,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             loss=loss,
             weight_penalty=weight_penalty,
             reward_scale=reward_scale,
+            action_traces=action_traces,
             learning_rate=learning_rate,
             n_steps=n_steps,
             gamma=gamma,
@@ -131,7 +137,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             # Policy gradient of stream s: -mean A_s log π(a); the log density (b,) is one for both streams.
             advantages, scales = self._advantages(batch)  # (b, n_streams)
             policy_loss = -(advantages * self._log_prob(batch)[:, None]).mean(dim=0)  # (n_streams,)
-            values = self.policy.predict_stream_values(batch.observations)  # (b, n_streams)
+            values = self.policy.predict_stream_values(batch.observations, batch.traces)  # (b, n_streams)
             value_loss = (values - batch.returns).square().mean(dim=0)
             self._step(self._stream_losses(policy_loss, value_loss, log), scales, log)
         self._n_updates += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -27,8 +27,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
     optimizer step applies the routed gradients (``algorithms/routing.py``), clipped per parameter group. The optimizer
     is Adam with its fused kernel.
 
-    The arguments are those of SB3's ``PPO``, with its defaults, and three more: ``loss``, ``weight_penalty`` and
-    ``reward_scale``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
+    The arguments are those of SB3's ``PPO``, with its defaults, and four more: ``loss``, ``weight_penalty``,
+    ``reward_scale`` and ``action_traces``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -40,6 +40,9 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
             It is scaled as the rewards are: by ``reward_scale``, and with them when advantages are normalized.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
+        action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
+            observation; none by default. They tell critics of hidden states of actuators, such as the activation of
+            muscles (``algorithms/action_traces.py``). The network sees the observation alone.
         learning_rate: Adam's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         batch_size: largest number of samples in a minibatch.
@@ -79,6 +82,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         weight_penalty: float = 0.001,
         reward_scale: float = 1.0,
         *,
+        action_traces: Sequence[float] = (),
         learning_rate: float | Schedule = 3e-4,
         n_steps: int = 2048,
         batch_size: int = 64,
@@ -110,6 +114,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             loss=loss,
             weight_penalty=weight_penalty,
             reward_scale=reward_scale,
+            action_traces=action_traces,
             learning_rate=learning_rate,
             n_steps=n_steps,
             batch_size=batch_size,
@@ -137,8 +142,10 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         )
 
     @classmethod
-    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
-        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+    def constructor_arguments(
+        cls, hyperparameters: Mapping[str, Any], timesteps: int, n_envs: int, n_actions: int
+    ) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, timesteps, n_envs, n_actions)
         arguments["batch_size"] = _even_batch(arguments["batch_size"], arguments["n_steps"] * n_envs)
         return arguments
 
@@ -173,7 +180,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         # ρ = π(a) / π_old(a). The squashing changes both densities by the same factor, so that the Gaussians before it
         # have the same ratio. It is one ratio (b,) for both streams; advantages and values are each stream's.
         log_ratio = self._log_prob(batch) - batch.old_log_prob  # (b,)
-        values = self.policy.predict_stream_values(batch.observations)  # (b, n_streams)
+        values = self.policy.predict_stream_values(batch.observations, batch.traces)  # (b, n_streams)
         ratio = log_ratio.exp()
         clipped = ratio.clamp(1 - clip_range, 1 + clip_range)
         advantages, scales = self._advantages(batch)  # (b, n_streams)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import torch
@@ -10,12 +10,13 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.type_aliases import GymEnv, ReplayBufferSamples, Schedule
+from stable_baselines3.common.type_aliases import GymEnv, Schedule
 from stable_baselines3.common.utils import polyak_update
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.hemispheric import Log
-from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy
+from bilateral_rl.algorithms.off_policy import ActorValue, HemisphericOffPolicy
+from bilateral_rl.algorithms.stream_replay import StreamSamples
 from bilateral_rl.policies.off_policy import SAC_ALIASES, BilateralSACPolicy
 from bilateral_rl.vocabulary import Loss
 
@@ -23,13 +24,13 @@ from bilateral_rl.vocabulary import Loss
 class HemisphericSAC(HemisphericOffPolicy, SAC):
     """Soft actor-critic (Haarnoja et al. 2018, arXiv 1812.05905) whose reward is a pair, dominant and non-dominant.
 
-    Each stream has its own critics, of which the smallest value counts, and its own target critics. The loss of a
-    stream is minus that value, minus the temperature times the entropy; its gradients are routed
+    Each stream has its own critics and their targets, of which the smallest value counts. The loss of a stream is
+    minus its value, minus the temperature times the entropy; its gradients are routed
     (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. The optimizers
     are Adam with its fused kernel.
 
-    The arguments are those of SB3's ``SAC``, with its defaults, and four more: ``loss``, ``weight_penalty``,
-    ``reward_scale`` and ``critic_warm_up``.
+    The arguments are those of SB3's ``SAC``, with its defaults, and eight more, from ``loss`` to
+    ``normalize_streams``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -39,10 +40,19 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         loss: "specialized" for a stream by side; "combined", "dominant" or "non_dominant" for a single stream.
         weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4). Specialized, the
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
-            It is scaled as the rewards are, by ``reward_scale``.
+            It is scaled as the rewards are, by ``reward_scale``, and with them when streams are normalized.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
         critic_warm_up: updates of the critics before the first of the network. The cost of effort shows at once and
             what movement is good for only later, so that a network that follows fresh critics learns to do nothing.
+        action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
+            observation; none by default. They tell critics of hidden states of actuators, such as the activation of
+            muscles (``algorithms/action_traces.py``). The network sees the observation alone.
+        standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
+            deviation of the steps before the first update.
+        actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
+            that of the first one, "first". Targets are always the smallest. By default as in SB3: "min".
+        normalize_streams: whether each stream's gradient is divided by the running root mean square of ‖∂Q/∂a‖, so
+            that what is shared follows no stream just because its rewards are larger.
         learning_rate: Adam's learning rate for network, critics and temperature, a number or a function of the
             remaining progress (1 to 0).
         buffer_size: steps that the replay buffer holds, over all environments.
@@ -78,6 +88,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     POLICY_CLASS = BilateralSACPolicy
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = dict(SAC_ALIASES)
     policy: BilateralSACPolicy
+    actor_value = "min"  # of models that were saved before there was a choice
     _CRITIC_LOSS = 0.5
 
     def __init__(
@@ -89,6 +100,10 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         reward_scale: float = 1.0,
         *,
         critic_warm_up: int = 0,
+        action_traces: Sequence[float] = (),
+        standardize_inputs: bool = False,
+        actor_value: ActorValue = "min",
+        normalize_streams: bool = False,
         learning_rate: float | Schedule = 3e-4,
         buffer_size: int = 1_000_000,
         learning_starts: int = 100,
@@ -123,6 +138,10 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             weight_penalty=weight_penalty,
             reward_scale=reward_scale,
             critic_warm_up=critic_warm_up,
+            action_traces=action_traces,
+            standardize_inputs=standardize_inputs,
+            actor_value=actor_value,
+            normalize_streams=normalize_streams,
             learning_rate=learning_rate,
             buffer_size=buffer_size,
             learning_starts=learning_starts,
@@ -152,8 +171,10 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         )
 
     @classmethod
-    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
-        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+    def constructor_arguments(
+        cls, hyperparameters: Mapping[str, Any], timesteps: int, n_envs: int, n_actions: int
+    ) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, timesteps, n_envs, n_actions)
         initial_ent_coef = arguments.pop("initial_ent_coef")
         if arguments["ent_coef"] is None:
             arguments["ent_coef"] = f"auto_{initial_ent_coef}"
@@ -175,21 +196,19 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         """Return the temperature's optimizer, in a list that is empty if the temperature is given."""
         return [] if self.ent_coef_optimizer is None else [self.ent_coef_optimizer]
 
-    def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
+    def _update(self, batch: StreamSamples, log: Log) -> None:
         actor = self.policy.actor
         actions, log_prob = actor.action_log_prob(batch.observations)  # (b, n_actions), (b,)
         ent_coef = self._temperature()
         with torch.no_grad():
             # V_s(o') = min over the stream's target critics of Q'_s(o', a') - α log π(a'), a' a fresh sample.
             next_actions, next_log_prob = actor.action_log_prob(batch.next_observations)
-            next_values = self._values(self.critic_target, batch.next_observations, next_actions).amin(dim=2)
+            next_values = self._next_values(batch, next_actions)
             next_values -= ent_coef * next_log_prob[:, None]  # (b, n_streams)
         self._update_critics(batch, next_values, log)
-        # Loss of stream s: mean(α log π(a) - min over its critics of Q_s(o, a)), through the sampled action. Both
-        # streams have the whole entropy term: a hemisphere follows one stream, and what is shared half of each.
-        values = self._values(self.critic, batch.observations, actions).amin(dim=2)  # (b, n_streams)
-        losses = (ent_coef * log_prob[:, None] - values).mean(dim=0)  # (n_streams,)
-        log["actor_loss"].append(losses.detach())
+        # Loss of stream s: mean(α log π(a) - Q_s(o, a)), through the sampled action. Both streams have the whole
+        # entropy term: a hemisphere follows one stream, and what is shared half of each.
+        losses = self._actor_losses(batch, actions, log, (ent_coef * log_prob).mean())  # (n_streams,)
         log["train/ent_coef"].append(ent_coef.squeeze())
         log["train/entropy"].append(-log_prob.detach().mean())
         log["train/std"].append(actor.log_std.detach().exp().mean())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,11 +11,12 @@ from stable_baselines3 import TD3
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.type_aliases import GymEnv, ReplayBufferSamples, Schedule
+from stable_baselines3.common.type_aliases import GymEnv, Schedule
 from stable_baselines3.common.utils import polyak_update
 
 from bilateral_rl.algorithms.hemispheric import Log
-from bilateral_rl.algorithms.off_policy import HemisphericOffPolicy
+from bilateral_rl.algorithms.off_policy import ActorValue, HemisphericOffPolicy
+from bilateral_rl.algorithms.stream_replay import StreamSamples
 from bilateral_rl.policies.off_policy import TD3_ALIASES, BilateralTD3Policy
 from bilateral_rl.vocabulary import Loss
 
@@ -23,12 +24,12 @@ from bilateral_rl.vocabulary import Loss
 class HemisphericTD3(HemisphericOffPolicy, TD3):
     """TD3 (Fujimoto et al. 2018, arXiv 1802.09477) whose reward is a pair, dominant and non-dominant.
 
-    Each stream has its own critics, of which the smallest value counts, and its own target critics; the deterministic
-    policy gradient through a stream's first critic is that stream's, and is routed (``algorithms/routing.py``). The
-    optimizers are Adam with its fused kernel.
+    Each stream has its own critics and their targets, of which the smallest value counts; the deterministic policy
+    gradient through a stream's critics is that stream's, and is routed (``algorithms/routing.py``). The optimizers are
+    Adam with its fused kernel.
 
-    The arguments are those of SB3's ``TD3``, with its defaults, and four more: ``loss``, ``weight_penalty``,
-    ``reward_scale`` and ``critic_warm_up``.
+    The arguments are those of SB3's ``TD3``, with its defaults, and eight more, from ``loss`` to
+    ``normalize_streams``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -38,10 +39,19 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         loss: "specialized" for a stream by side; "combined", "dominant" or "non_dominant" for a single stream.
         weight_penalty: λ of the L2 penalty λ · ½ Σ w² on the network (paper section 4). Specialized, the
             non-dominant hemisphere gets it in full (weight 2), shared layers by half, the dominant hemisphere not.
-            It is scaled as the rewards are, by ``reward_scale``.
+            It is scaled as the rewards are, by ``reward_scale``, and with them when streams are normalized.
         reward_scale: factor on all rewards before the critics see them; measures and logs are unscaled.
         critic_warm_up: updates of the critics before the first of the network. The cost of effort shows at once and
             what movement is good for only later, so that a network that follows fresh critics learns to do nothing.
+        action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
+            observation; none by default. They tell critics of hidden states of actuators, such as the activation of
+            muscles (``algorithms/action_traces.py``). The network sees the observation alone.
+        standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
+            deviation of the steps before the first update.
+        actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
+            that of the first one, "first". Targets are always the smallest. By default as in SB3: "first".
+        normalize_streams: whether each stream's gradient is divided by the running root mean square of ‖∂Q/∂a‖, so
+            that what is shared follows no stream just because its rewards are larger.
         learning_rate: Adam's learning rate for network and critics, a number or a function of the remaining progress
             (1 to 0).
         buffer_size: steps that the replay buffer holds, over all environments.
@@ -74,6 +84,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
     POLICY_CLASS = BilateralTD3Policy
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = dict(TD3_ALIASES)
     policy: BilateralTD3Policy
+    actor_value = "first"  # of models that were saved before there was a choice
 
     def __init__(
         self,
@@ -84,6 +95,10 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         reward_scale: float = 1.0,
         *,
         critic_warm_up: int = 0,
+        action_traces: Sequence[float] = (),
+        standardize_inputs: bool = False,
+        actor_value: ActorValue = "first",
+        normalize_streams: bool = False,
         learning_rate: float | Schedule = 1e-3,
         buffer_size: int = 1_000_000,
         learning_starts: int = 100,
@@ -115,6 +130,10 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             weight_penalty=weight_penalty,
             reward_scale=reward_scale,
             critic_warm_up=critic_warm_up,
+            action_traces=action_traces,
+            standardize_inputs=standardize_inputs,
+            actor_value=actor_value,
+            normalize_streams=normalize_streams,
             learning_rate=learning_rate,
             buffer_size=buffer_size,
             learning_starts=learning_starts,
@@ -141,12 +160,14 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         )
 
     @classmethod
-    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
-        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+    def constructor_arguments(
+        cls, hyperparameters: Mapping[str, Any], timesteps: int, n_envs: int, n_actions: int
+    ) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, timesteps, n_envs, n_actions)
         std = np.full(n_actions, arguments["action_noise"])
         return arguments | {"action_noise": NormalActionNoise(np.zeros(n_actions), std)}
 
-    def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
+    def _update(self, batch: StreamSamples, log: Log) -> None:
         policy = self.policy
         with torch.no_grad():
             # Q'_s(o', a'), the smallest of the stream's target critics, at the target network's action with noise:
@@ -154,13 +175,11 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             noise = torch.randn_like(batch.actions) * self.target_policy_noise
             noise = noise.clamp(-self.target_noise_clip, self.target_noise_clip)
             next_actions = (policy.actor_target(batch.next_observations) + noise).clamp(-1, 1)
-            next_values = self._values(self.critic_target, batch.next_observations, next_actions).amin(dim=2)
+            next_values = self._next_values(batch, next_actions)
         self._update_critics(batch, next_values, log)
         if self._n_updates % self.policy_delay == 0:
-            # Loss of stream s: -mean Q_s(o, π(o)), by its first critic.
-            losses = -policy.first_values(batch.observations, policy.actor(batch.observations)).mean(dim=0)
-            log["actor_loss"].append(losses.detach())
-            self._update_network(losses)
+            # Loss of stream s: -mean Q_s(o, π(o)).
+            self._update_network(self._actor_losses(batch, policy.actor(batch.observations), log))
             self._follow(self.critic, self.critic_target)
             self._follow(policy.actor, policy.actor_target)
             polyak_update(self.critic_batch_norm_stats, self.critic_batch_norm_stats_target, 1.0)

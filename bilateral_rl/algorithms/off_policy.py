@@ -2,50 +2,82 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ContinuousCritic
-from stable_baselines3.common.type_aliases import GymEnv, ReplayBufferSamples
+from stable_baselines3.common.type_aliases import GymEnv
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
-from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer
+from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples
+from bilateral_rl.algorithms.stream_scale import StreamScale
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
 from bilateral_rl.vocabulary import stream_mix
+
+ActorValue = Literal["min", "mean", "first"]
+"""Which value of a stream's critics the network follows: the smallest, their mean, or the first one's."""
+
+_MEASURED = 100_000
+"""Most steps that inputs of the critics are standardized by."""
 
 
 class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
     """Stores a reward for each stream, trains critics for each, and routes their gradients to the network.
 
     Raises:
-        ValueError: ``replay_buffer_class`` or ``n_steps``, besides what every hemispheric algorithm raises.
+        ValueError: ``replay_buffer_class``, ``n_steps`` or an unknown ``actor_value``, besides what every hemispheric
+            algorithm raises.
     """
 
     policy: BilateralOffPolicyPolicy
     critic: ContinuousCritic
     critic_target: ContinuousCritic
+    actor_value: ActorValue
+    # Of models that were saved before there were these:
+    standardize_inputs = False
+    normalize_streams = False
 
     _CRITIC_LOSS = 1.0
     """Factor on the mean squared error of each critic, as in the SB3 parent."""
 
     def __init__(
-        self, policy: str | type[MotorPolicy], env: GymEnv | str | None, *, critic_warm_up: int, **arguments: Any
+        self,
+        policy: str | type[MotorPolicy],
+        env: GymEnv | str | None,
+        *,
+        critic_warm_up: int,
+        standardize_inputs: bool,
+        actor_value: ActorValue,
+        normalize_streams: bool,
+        policy_kwargs: dict[str, Any] | None,
+        **arguments: Any,
     ) -> None:
+        if actor_value not in get_args(ActorValue):
+            raise ValueError(f"actor_value must be one of {', '.join(get_args(ActorValue))}, not {actor_value!r}.")
         self.critic_warm_up = critic_warm_up
-        super().__init__(policy, env, **arguments)
+        self.standardize_inputs = standardize_inputs
+        self.actor_value = actor_value
+        self.normalize_streams = normalize_streams
+        policy_kwargs = {"standardize_inputs": standardize_inputs} | (policy_kwargs or {})
+        super().__init__(policy, env, policy_kwargs=policy_kwargs, **arguments)
 
     @classmethod
-    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
-        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+    def constructor_arguments(
+        cls, hyperparameters: Mapping[str, Any], timesteps: int, n_envs: int, n_actions: int
+    ) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, timesteps, n_envs, n_actions)
         del arguments["n_critics"]  # an argument of the policy
+        if arguments["buffer_size"] is None:
+            arguments["buffer_size"] = _steps_of_training(timesteps, n_envs, arguments["train_freq"])
         return arguments
 
     def _setup_model(self) -> None:
@@ -54,8 +86,15 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         if self.n_steps != 1:
             raise ValueError(f"{type(self).__name__} has no returns of several steps: leave n_steps out.")
         self.replay_buffer_class = StreamReplayBuffer
-        self.replay_buffer_kwargs = self.replay_buffer_kwargs | {"n_streams": len(stream_mix(self.loss))}
+        of_streams = {"n_streams": len(stream_mix(self.loss)), "action_traces": self.action_traces}
+        self.replay_buffer_kwargs = self.replay_buffer_kwargs | of_streams
         super()._setup_model()
+        if self.policy.standardize_inputs != self.standardize_inputs:
+            raise ValueError(
+                f"standardize_inputs is {self.standardize_inputs}, but the policy's {self.policy.standardize_inputs}: "
+                "a saved model keeps it, and policy_kwargs leave it out."
+            )
+        self.stream_scale = StreamScale(self.policy.n_streams).to(self.device)
         self._actor_groups = {name: group for name, group in self._groups.items() if not name.startswith("critic_")}
 
     def _store_transition(
@@ -69,7 +108,10 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
     ) -> None:
         assert isinstance(replay_buffer, StreamReplayBuffer)
         assert self.env is not None
+        assert self._last_traces is not None
         replay_buffer.next_rewards = self._stream_rewards(self.env, infos)
+        replay_buffer.next_traces = self._last_traces
+        self._trace(buffer_action, dones)
         super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
 
     # --- training ---------------------------------------------------------------------------------------------------
@@ -78,35 +120,42 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         """Sample the replay buffer and update, ``gradient_steps`` times."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self._optimizers())
-        assert self.replay_buffer is not None
+        assert isinstance(self.replay_buffer, StreamReplayBuffer)
+        if self.standardize_inputs and not self._n_updates:
+            self._measure_inputs(self.replay_buffer)
         log: Log = defaultdict(list)
         for _ in range(gradient_steps):
             self._n_updates += 1
             self._update(self.replay_buffer.sample(batch_size, env=self._vec_normalize_env), log)
         self._log_averages(log)
 
+    def _measure_inputs(self, replay_buffer: StreamReplayBuffer) -> None:
+        """Let critics and targets standardize what they see by the steps that are kept now."""
+        steps = replay_buffer.kept(_MEASURED, self._vec_normalize_env)
+        self.policy.set_training_mode(False)
+        for critics in (self.policy.critic, self.policy.critic_target):
+            critics.measure_inputs(steps.observations, steps.traces)
+        self.policy.set_training_mode(True)
+
     @abstractmethod
-    def _update(self, batch: ReplayBufferSamples, log: Log) -> None:
+    def _update(self, batch: StreamSamples, log: Log) -> None:
         """Update critics, network and targets once."""
 
     def _optimizers(self) -> list[torch.optim.Optimizer]:
         """Return all optimizers, which have one learning rate."""
         return [self.policy.actor.optimizer, self.critic.optimizer]
 
-    def _values(self, critic: ContinuousCritic, observations: Tensor, actions: Tensor) -> Tensor:
-        """Return the value that every critic of every stream gives to ``actions`` (b, n_actions).
+    def _next_values(self, batch: StreamSamples, next_actions: Tensor) -> Tensor:
+        """Return the smallest value (b, n_streams) of ``next_actions`` (b, n_actions) by each stream's targets."""
+        policy, obs = self.policy, batch.next_observations
+        return policy.stream_values(policy.critic_target, obs, next_actions, batch.next_traces).amin(dim=2)
 
-        Returns:
-            (b, n_streams, n_critics).
-        """
-        values = torch.cat(critic(observations, actions), dim=1)  # (b, n_streams · n_critics), stream by stream
-        return values.reshape(len(values), self.policy.n_streams, -1)
-
-    def _update_critics(self, batch: ReplayBufferSamples, next_values: Tensor, log: Log) -> None:
+    def _update_critics(self, batch: StreamSamples, next_values: Tensor, log: Log) -> None:
         """Move every critic one step towards its stream's reward and discounted ``next_values`` (b, n_streams)."""
         # Target of stream s: y_s = r_s + γ (1 - done) V_s(o'); all of its critics share it.
         target = batch.rewards + (1 - batch.dones) * self.gamma * next_values  # (b, n_streams)
-        values = self._values(self.critic, batch.observations, batch.actions)  # (b, n_streams, n_critics)
+        policy = self.policy
+        values = policy.stream_values(policy.critic, batch.observations, batch.actions, batch.traces)
         loss = self._CRITIC_LOSS * (values - target[..., None]).square().mean(dim=0).sum(dim=1)  # (n_streams,)
         self.critic.optimizer.zero_grad()
         # Streams share no critic, so that one backward pass of the sum routes each loss to its own critics. A features
@@ -119,11 +168,59 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         log["critic_loss"].append(loss.detach())
         log["value"].append(values.detach().mean(dim=(0, 2)))
 
+    def _actor_losses(
+        self, batch: StreamSamples, actions: Tensor, log: Log, entropy_loss: Tensor | None = None
+    ) -> Tensor:
+        """Return each stream's loss of the network, minus the mean value of its actions, (n_streams,).
+
+        Its gradients are right, its number is not; the log has that. With ``normalize_streams``, each stream's loss is
+        divided by the running root mean square of ‖∂Q/∂a‖.
+
+        Args:
+            batch: a batch of steps.
+            actions: (b, n_actions), what the network now does in them.
+            log: takes in the losses.
+            entropy_loss: (), what is added to the loss of each stream.
+        """
+        # The critics lead no further than to the action, so that each stream's gradient ∂Q_s/∂a is taken once; the
+        # routing then goes through the network alone: ∂Q_s/∂θ = ∂Q_s/∂a · ∂a/∂θ.
+        leaf = actions.detach().requires_grad_()
+        values = self._actor_values(batch, leaf)  # (b, n_streams)
+        n_streams = values.shape[1]
+        gradients = torch.stack(
+            [
+                torch.autograd.grad(values[:, stream].sum(), leaf, retain_graph=stream + 1 < n_streams)[0]
+                for stream in range(n_streams)
+            ]
+        )  # (n_streams, b, n_actions)
+        entropy = values.new_zeros(()) if entropy_loss is None else entropy_loss
+        log["actor_loss"].append(entropy.detach() - values.detach().mean(dim=0))
+        losses = entropy - (gradients * actions).sum(dim=2).mean(dim=1)
+        if not self.normalize_streams:
+            return losses
+        self.stream_scale.update(gradients)
+        scale = self.stream_scale.root_mean_square()
+        log["action_gradient"].append(scale)
+        return losses / scale
+
+    def _actor_values(self, batch: StreamSamples, actions: Tensor) -> Tensor:
+        """Return the value of ``actions`` that the network follows, (b, n_streams)."""
+        policy = self.policy
+        if self.actor_value == "first":
+            return policy.first_values(batch.observations, actions, batch.traces)
+        values = policy.stream_values(policy.critic, batch.observations, actions, batch.traces)
+        return values.mean(dim=2) if self.actor_value == "mean" else values.amin(dim=2)
+
     def _update_network(self, losses: Tensor, others: Sequence[torch.optim.Optimizer] = ()) -> None:
         """Move the network, and what ``others`` optimize, one step along the losses' (n_streams,) routed gradients."""
         if self._n_updates <= self.critic_warm_up:
             return
-        self._route(list(losses.unbind()), self._actor_groups, [self.reward_scale] * len(losses))
+        # By the policy gradient theorem, the mean over steps of ∂Q/∂a · ∂a/∂θ is the gradient of the mean reward of a
+        # step (but for the discount), whose size is the paper's loss's: the penalty is scaled as the rewards are.
+        scales = torch.full_like(losses, self.reward_scale)
+        if self.normalize_streams:
+            scales /= self.stream_scale.root_mean_square()
+        self._route(list(losses.unbind()), self._actor_groups, scales.tolist())
         for optimizer in (self.policy.actor.optimizer, *others):
             optimizer.step()
 
@@ -140,4 +237,15 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         super().dump_logs()
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_actor_groups"]
+        return [*super()._excluded_save_params(), "_actor_groups", "stream_scale"]
+
+    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
+        modules, variables = super()._get_torch_save_params()
+        return ([*modules, "stream_scale"] if self.normalize_streams else modules), variables
+
+
+def _steps_of_training(timesteps: int, n_envs: int, train_freq: int) -> int:
+    """Return the steps, over all environments, that a buffer holds if it is never full in ``timesteps``."""
+    rollouts = math.ceil(timesteps / (n_envs * train_freq))
+    # One row more than is filled: a training that is lengthened finds none of its steps overwritten.
+    return (rollouts * train_freq + 1) * n_envs

@@ -33,6 +33,8 @@ class _CutShort(NamedTuple):
     """The environments of the episodes."""
     last_obs: NDArray[np.float32]
     """(m, n_observed): the last observation of each episode."""
+    last_traces: NDArray[np.float32]
+    """(m, n): traces of the actions before it."""
 
 
 class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
@@ -45,8 +47,10 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
     normalize_advantage: bool
 
     @classmethod
-    def constructor_arguments(cls, hyperparameters: Mapping[str, Any], n_envs: int, n_actions: int) -> dict[str, Any]:
-        arguments = super().constructor_arguments(hyperparameters, n_envs, n_actions)
+    def constructor_arguments(
+        cls, hyperparameters: Mapping[str, Any], timesteps: int, n_envs: int, n_actions: int
+    ) -> dict[str, Any]:
+        arguments = super().constructor_arguments(hyperparameters, timesteps, n_envs, n_actions)
         arguments["ent_coef"] = linear_schedule(arguments["ent_coef"], arguments.pop("final_ent_coef"))
         return arguments
 
@@ -55,7 +59,8 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         if self.rollout_buffer_class not in (None, RolloutBuffer, StreamRolloutBuffer):
             raise ValueError(f"{type(self).__name__} needs its own rollout buffer: leave rollout_buffer_class out.")
         self.rollout_buffer_class = StreamRolloutBuffer
-        self.rollout_buffer_kwargs = self.rollout_buffer_kwargs | {"n_streams": len(stream_mix(self.loss))}
+        of_streams = {"n_streams": len(stream_mix(self.loss)), "action_traces": self.action_traces}
+        self.rollout_buffer_kwargs = self.rollout_buffer_kwargs | of_streams
         super()._setup_model()
 
     # --- collecting -------------------------------------------------------------------------------------------------
@@ -74,8 +79,10 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         for step in range(n_rollout_steps):
             # Acting on the stored row, whose place in memory is the same in every process, keeps rounding the same:
             # matrix products may round by alignment. Nor can an environment change it afterwards.
-            obs = rollout_buffer.begin_step(new_obs.reshape(env.num_envs, -1))
-            latent_actions, log_probs, actions = self._act(obs)
+            assert self._last_traces is not None
+            obs = rollout_buffer.begin_step(new_obs.reshape(env.num_envs, -1), self._last_traces)
+            latent_actions, log_probs, squashed = self._act(obs)
+            actions = self.policy.unscale_action(squashed.reshape(-1, *self.policy.action_space.shape))  # type: ignore[misc]
             step_obs, rewards, dones, infos = env.step(actions)
             assert isinstance(step_obs, np.ndarray)
             new_obs = step_obs
@@ -84,11 +91,12 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             if not callback.on_step():
                 return False
             rollout_buffer.add(latent_actions, self._stream_rewards(env, infos), dones, log_probs)
+            traces = self._trace(squashed, dones)
             if dones.any():
                 self._update_info_buffer(infos, dones)
                 if envs := [i for i in np.flatnonzero(dones).tolist() if infos[i].get("TimeLimit.truncated")]:
                     last_obs = np.stack([infos[i]["terminal_observation"] for i in envs])
-                    cut_short.append(_CutShort(step, envs, last_obs.reshape(len(envs), -1)))
+                    cut_short.append(_CutShort(step, envs, last_obs.reshape(len(envs), -1), traces[envs]))
             self._last_obs = new_obs
             self._last_episode_starts = dones
         self._evaluate_rollout(rollout_buffer, new_obs.reshape(env.num_envs, -1), cut_short)
@@ -102,33 +110,35 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
 
         Returns:
             the actions before their squashing (n_envs, n_actions), the log of their density (n_envs,), and the actions
-            of the environment, squashed and within its Box.
+            in [-1, 1] (n_envs, n_actions).
         """
         mean, log_std = self.policy.action_mean(torch.from_numpy(obs).to(self.device)), self.policy.log_std
         latent = torch.addcmul(mean, torch.randn_like(mean), log_std.exp())
-        squashed = torch.tanh(latent).cpu().numpy().reshape(-1, *self.policy.action_space.shape)  # type: ignore[misc]
         log_probs = gaussian_log_prob(latent, mean, log_std)
-        return latent.cpu().numpy(), log_probs.cpu().numpy(), self.policy.unscale_action(squashed)
+        return latent.cpu().numpy(), log_probs.cpu().numpy(), torch.tanh(latent).cpu().numpy()
 
     @torch.no_grad()
     def _evaluate_rollout(
         self, rollout_buffer: StreamRolloutBuffer, last_obs: NDArray[np.float32], cut_short: list[_CutShort]
     ) -> None:
         """Value every observation of the rollout in one batch; then compute its advantages and returns."""
-        observations = rollout_buffer.observations
-        values = self._values(observations.reshape(-1, observations.shape[2])).reshape(rollout_buffer.rewards.shape)
+        arrays = rollout_buffer.observations, rollout_buffer.traces
+        observations, traces = (array.reshape(math.prod(array.shape[:2]), array.shape[2]) for array in arrays)
+        values = self._values(observations, traces).reshape(rollout_buffer.rewards.shape)
         if cut_short:
             # γ V(last observation) stands for the rewards that the time limit cut off.
-            cut_off = self._values(np.concatenate([ends.last_obs for ends in cut_short]))
+            ends_obs, ends_traces = zip(*((ends.last_obs, ends.last_traces) for ends in cut_short), strict=True)
+            cut_off = self._values(np.concatenate(ends_obs), np.concatenate(ends_traces))
             bounds = np.cumsum([len(ends.envs) for ends in cut_short])[:-1]
             for ends, value in zip(cut_short, np.split(cut_off, bounds), strict=True):
                 rollout_buffer.rewards[ends.step, ends.envs] += self.gamma * value
-        rollout_buffer.compute_returns_and_advantage(values, self._values(last_obs))
+        assert self._last_traces is not None
+        rollout_buffer.compute_returns_and_advantage(values, self._values(last_obs, self._last_traces))
 
-    def _values(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Map observations (n, n_observed) to the values of the streams (n, n_streams)."""
-        values = self.policy.predict_stream_values(torch.from_numpy(observations).to(self.device))
-        return values.cpu().numpy()  # type: ignore[no-any-return]
+    def _values(self, observations: NDArray[np.float32], traces: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Map observations (n, n_observed) and traces (n, n_traces) to the values of the streams (n, n_streams)."""
+        tensors = (torch.from_numpy(array).to(self.device) for array in (observations, traces))
+        return self.policy.predict_stream_values(*tensors).cpu().numpy()  # type: ignore[no-any-return]
 
     # --- training ---------------------------------------------------------------------------------------------------
 

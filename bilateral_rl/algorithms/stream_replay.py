@@ -1,14 +1,36 @@
-"""SB3's replay buffer with one reward per stream."""
+"""SB3's replay buffer with one reward per stream, and traces of the actions before each step."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
+from torch import Tensor
+
+from bilateral_rl.algorithms.action_traces import ActionTraces
+
+
+class StreamSamples(NamedTuple):
+    """A batch of ``b`` steps."""
+
+    observations: Tensor
+    """(b, n_observed)."""
+    actions: Tensor
+    """(b, n_actions), in [-1, 1]."""
+    next_observations: Tensor
+    """(b, n_observed)."""
+    dones: Tensor
+    """(b, 1): 1 where the step ended its trial; a time limit is no end."""
+    rewards: Tensor
+    """(b, n_streams)."""
+    traces: Tensor
+    """(b, n): traces of the actions before the step; n is 0 without traces."""
+    next_traces: Tensor
+    """(b, n): the same after the step, also where it was the last of its trial."""
 
 
 class StreamReplayBuffer(ReplayBuffer):
@@ -17,22 +39,29 @@ class StreamReplayBuffer(ReplayBuffer):
     Args:
         *args: arguments of SB3's ``ReplayBuffer``.
         n_streams: number of reward streams.
+        action_traces: decays of the traces of past actions.
         **kwargs: further arguments of SB3's ``ReplayBuffer``.
 
     Attributes:
         next_rewards: (n_envs, n_streams), the rewards that the next ``add`` stores; it ignores the scalar reward.
+        next_traces: (n_envs, n), the traces before the step that the next ``add`` stores.
+        traces: (buffer_size, n_envs, n), those of all steps; None without traces.
 
     Raises:
-        ValueError: ``optimize_memory_usage``.
+        ValueError: ``optimize_memory_usage``, or decays that are not in [0, 1).
     """
 
     next_rewards: NDArray[np.float32]
+    next_traces: NDArray[np.float32]
 
-    def __init__(self, *args: Any, n_streams: int = 1, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, n_streams: int = 1, action_traces: Sequence[float] = (), **kwargs: Any) -> None:
         if kwargs.get("optimize_memory_usage"):
             raise ValueError("a StreamReplayBuffer keeps next observations: leave optimize_memory_usage out.")
         super().__init__(*args, **kwargs)
         self.rewards = np.zeros((self.buffer_size, self.n_envs, n_streams), dtype=np.float32)
+        self.action_traces = ActionTraces(action_traces, self.action_dim)
+        size = self.action_traces.size
+        self.traces = np.zeros((self.buffer_size, self.n_envs, size), dtype=np.float32) if size else None
 
     def add(
         self,
@@ -43,18 +72,38 @@ class StreamReplayBuffer(ReplayBuffer):
         done: NDArray[Any],
         infos: list[dict[str, Any]],
     ) -> None:
-        """Store one step of every environment with :attr:`next_rewards`."""
+        """Store one step of every environment with :attr:`next_rewards` and :attr:`next_traces`."""
+        if self.traces is not None:
+            self.traces[self.pos] = self.next_traces
         super().add(obs, next_obs, action, self.next_rewards, done, infos)
 
-    def _get_samples(self, batch_inds: NDArray[np.intp], env: VecNormalize | None = None) -> ReplayBufferSamples:
+    def sample(self, batch_size: int, env: VecNormalize | None = None) -> StreamSamples:  # type: ignore[override]
+        """Draw ``batch_size`` steps of those kept."""
+        return super().sample(batch_size, env)  # type: ignore[return-value]
+
+    def _get_samples(self, batch_inds: NDArray[np.intp], env: VecNormalize | None = None) -> StreamSamples:  # type: ignore[override]
         # The columns of SB3's samples, but for rewards (b, n_streams). A time limit is no end: the value goes on.
         envs = np.random.randint(0, self.n_envs, size=len(batch_inds))  # noqa: NPY002 - SB3's random stream
-        ended = self.dones[batch_inds, envs] * (1 - self.timeouts[batch_inds, envs])
+        return self._columns(batch_inds, envs, env)
+
+    def kept(self, at_most: int, env: VecNormalize | None = None) -> StreamSamples:
+        """Return the first steps that are kept, of all environments, no more than about ``at_most``."""
+        rows = min(self.size(), max(at_most // self.n_envs, 1))
+        steps, envs = np.divmod(np.arange(rows * self.n_envs), self.n_envs)
+        return self._columns(steps, envs, env)
+
+    def _columns(self, steps: NDArray[np.intp], envs: NDArray[np.intp], env: VecNormalize | None) -> StreamSamples:
+        ended = self.dones[steps, envs] * (1 - self.timeouts[steps, envs])
+        actions = self.actions[steps, envs]
+        before = np.zeros((len(steps), 0), np.float32) if self.traces is None else self.traces[steps, envs]
         columns = (
-            self._normalize_obs(self.observations[batch_inds, envs], env),
-            self.actions[batch_inds, envs],
-            self._normalize_obs(self.next_observations[batch_inds, envs], env),
+            self._normalize_obs(self.observations[steps, envs], env),
+            actions,
+            self._normalize_obs(self.next_observations[steps, envs], env),
             ended[:, None],
-            self.rewards[batch_inds, envs],
+            self.rewards[steps, envs],
+            before,
+            # Computed anew as it was when the step was taken, which halves what the traces take of the memory.
+            before if self.traces is None else self.action_traces.advance(before, actions),
         )
-        return ReplayBufferSamples(*(self.to_torch(column) for column in columns))  # type: ignore[arg-type]
+        return StreamSamples(*(self.to_torch(column) for column in columns))  # type: ignore[arg-type]

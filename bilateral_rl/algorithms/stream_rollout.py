@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from stable_baselines3.common.buffers import RolloutBuffer
 from torch import Tensor
 
+from bilateral_rl.algorithms.action_traces import ActionTraces
+
 
 class StreamBatch(NamedTuple):
     """A minibatch of ``b`` samples."""
 
     observations: Tensor
     """(b, n_observed)."""
+    traces: Tensor
+    """(b, n): traces of the actions before the step; n is 0 without traces."""
     latent_actions: Tensor
     """(b, n_actions): the actions before the squashing."""
     old_log_prob: Tensor
@@ -83,9 +87,11 @@ class StreamRolloutBuffer(RolloutBuffer):
         gamma: discount.
         n_envs: number of environments.
         n_streams: number of reward streams.
+        action_traces: decays of the traces of past actions.
 
     Attributes:
         observations: (buffer_size, n_envs, n_observed) float32.
+        traces: (buffer_size, n_envs, n) float32: of the actions before each step.
         latent_actions: (buffer_size, n_envs, n_actions) float32.
         log_probs: (buffer_size, n_envs) float32.
         rewards: (buffer_size, n_envs, n_streams) float32.
@@ -106,10 +112,12 @@ class StreamRolloutBuffer(RolloutBuffer):
         gamma: float = 0.99,
         n_envs: int = 1,
         n_streams: int = 1,
+        action_traces: Sequence[float] = (),
     ) -> None:
         super().__init__(buffer_size, observation_space, action_space, device, gae_lambda, gamma, n_envs)
         shape = (buffer_size, n_envs)
         self.observations = np.zeros((*shape, spaces.flatdim(observation_space)), dtype=np.float32)
+        self.traces = np.zeros((*shape, ActionTraces(action_traces, self.action_dim).size), dtype=np.float32)
         self.latent_actions = np.zeros((*shape, self.action_dim), dtype=np.float32)
         self.log_probs = np.zeros(shape, dtype=np.float32)
         self.rewards = np.zeros((*shape, n_streams), dtype=np.float32)
@@ -119,9 +127,15 @@ class StreamRolloutBuffer(RolloutBuffer):
         """Start anew at the first step; SB3's buffer allocates all arrays again, this one overwrites them."""
         self.pos, self.full = 0, False
 
-    def begin_step(self, obs: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        """Store the observations (n_envs, n_observed) that the next step acts on, and return the stored row."""
+    def begin_step(self, obs: NDArray[np.floating[Any]], traces: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Store the observations (n_envs, n_observed) that the next step acts on, and return the stored row.
+
+        Args:
+            obs: (n_envs, n_observed).
+            traces: (n_envs, n), of the actions before.
+        """
         self.observations[self.pos] = obs
+        self.traces[self.pos] = traces
         row: NDArray[np.float32] = self.observations[self.pos]
         return row
 
@@ -169,7 +183,8 @@ class StreamRolloutBuffer(RolloutBuffer):
         columns = [
             torch.from_numpy(array.reshape(n, *array.shape[2:])).to(self.device)
             for array in (
-                self.observations, self.latent_actions, self.log_probs, self.values, self.advantages, self.returns,
+                self.observations, self.traces, self.latent_actions, self.log_probs, self.values, self.advantages,
+                self.returns,
             )
         ]  # fmt: skip
         for rows in torch.randperm(n, device=self.device).split(batch_size or n):

@@ -15,6 +15,7 @@ from bilateral_rl.config.hyperparameters import (
     MOST_NUMBERS,
     NUMBERS_PER_STEP,
     BPTTHyperparameters,
+    OffPolicyHyperparameters,
     OnPolicyHyperparameters,
 )
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
@@ -123,10 +124,15 @@ def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL
     if isinstance(config, RLConfig):
         chosen = config.hyperparameters
+        per_step = NUMBERS_PER_STEP + len(chosen.action_traces) * (N_MUSCLES + 1)
         yield "n_envs and trial", config.n_envs * steps * NUMBERS_PER_STEP
         yield "evaluation.trials and trial", config.evaluation.trials * steps * NUMBERS_PER_STEP
         if isinstance(chosen, OnPolicyHyperparameters):
-            yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * NUMBERS_PER_STEP
+            yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * per_step
+        if isinstance(chosen, OffPolicyHyperparameters):
+            kept = config.timesteps if chosen.buffer_size is None else chosen.buffer_size
+            whole = "" if chosen.buffer_size else " null, which keeps all timesteps,"
+            yield f"{config.algo}.buffer_size{whole}", kept * per_step
 
 
 def _hidden(config: TrainConfig) -> list[int]:

@@ -5,7 +5,7 @@ Upper bounds lie far beyond use, so that a slip of the finger is a sentence and 
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 from pydantic.dataclasses import dataclass
@@ -27,6 +27,9 @@ KeptSteps = Annotated[Whole, Field(ge=1, le=MOST_NUMBERS // NUMBERS_PER_STEP)]
 AtOnce = Annotated[Whole, Field(ge=1, le=MOST_ARMS)]
 Flag = Annotated[bool, Strict()]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
+Decay = Annotated[Number, Field(ge=0, lt=1)]
+MOST_TRACES = 8
+"""Upper bound of the number of action traces."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -40,6 +43,8 @@ class StreamHyperparameters:
     weight_penalty: NotNegative = 0.001
     """λ of paper section 4."""
     reward_scale: Positive = 1.0
+    action_traces: Annotated[tuple[Decay, ...], Field(max_length=MOST_TRACES)] = ()
+    """Decays per step of running averages of past actions, which the critics see besides the observation."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -83,8 +88,8 @@ class OffPolicyHyperparameters(StreamHyperparameters):
     """What SAC and TD3 take."""
 
     final_learning_rate: NotNegative = 3e-4
-    buffer_size: KeptSteps = 500_000
-    """Steps kept, over all arms."""
+    buffer_size: KeptSteps | None = 500_000
+    """Steps kept, over all arms; None for all of the training's. A buffer that forgets forgets the most varied data."""
     learning_starts: CountOrNone = 10_000
     """Steps with random actions before the first update."""
     batch_size: Annotated[Whole, Field(ge=2, le=10**6)] = 256
@@ -96,7 +101,13 @@ class OffPolicyHyperparameters(StreamHyperparameters):
     critic_warm_up: CountOrNone = 0
     """Updates of the critics before the first of the network."""
     n_critics: Annotated[Whole, Field(ge=1, le=10)] = 2
-    """Critics of each reward stream; the smallest value counts."""
+    """Critics of each reward stream; targets are the smallest value."""
+    standardize_inputs: Flag = False
+    """Whether the critics see observations and traces standardized, by the steps before the first update."""
+    actor_value: Literal["min", "mean", "first"] = "min"
+    """What the network follows: the smallest, the mean or the first of a stream's critics."""
+    normalize_streams: Flag = False
+    """Whether each stream's gradient is divided by the running root mean square of its action gradient."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -115,6 +126,8 @@ class SACHyperparameters(OffPolicyHyperparameters):
 class TD3Hyperparameters(OffPolicyHyperparameters):
     """Arguments of ``HemisphericTD3``."""
 
+    actor_value: Literal["min", "mean", "first"] = "first"
+    """What the network follows: the smallest, the mean or the first of a stream's critics."""
     action_noise: NotNegative = 0.1
     """Standard deviation of the exploration, added to actions in [-1, 1]."""
     policy_delay: Count = 2

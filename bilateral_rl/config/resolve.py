@@ -24,7 +24,8 @@ def resolve(
     """Build the configuration: the tuned defaults of the algorithm and task, then each of ``layers`` over it.
 
     A layer may be the whole configuration of another run. If that was of another algorithm or task, what it says only
-    because it is the default there gives way to the defaults here.
+    because it is the default there gives way to the defaults here. If it was of this one, what it does not say is a
+    setting that an earlier version had not: it stays off, whatever is tuned for new trainings.
 
     Args:
         algo: an algorithm, or None for the one that the layers name.
@@ -40,6 +41,8 @@ def resolve(
     check_names(**names)
     values = tuned_defaults(names["algo"], names["task"])
     for layer in layers:
+        if _is_whole(layer) and not _is_of_another(layer, names):
+            values = {}
         values = merge(values, _without_defaults(layer) if _is_of_another(layer, names) else layer)
     config = from_values(values | names)
     check(config)
@@ -52,10 +55,20 @@ def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
 
 def _is_of_another(layer: Mapping[str, Any], names: Mapping[str, str]) -> bool:
     """Whether ``layer`` is the whole configuration of a run, but of another algorithm or task than ``names``."""
+    return _is_whole(layer) and (layer["algo"], layer["task"]) != (names["algo"], names["task"])
+
+
+def _is_whole(layer: Mapping[str, Any]) -> bool:
+    """Whether ``layer`` is the whole configuration of a run, be it of an earlier version, which had fewer settings."""
     algo, task = str(layer.get("algo")), str(layer.get("task"))
-    if algo not in CONFIGS or task not in TASK_SPECS or (algo, task) == (names["algo"], names["task"]):
+    if algo not in CONFIGS or task not in TASK_SPECS:
         return False
-    return isinstance(layer.get(algo), Mapping) and layer[algo].keys() >= _defaults(algo, task)[algo].keys()
+    whole = [layer.get(part) for part in (algo, "network", "trial")]
+    parts = [_defaults(algo, task)[part] for part in (algo, "network", "trial")]
+    # More than half of the settings: nobody writes that many by hand.
+    return all(
+        isinstance(w, Mapping) and 2 * len(w.keys() & p.keys()) > len(p) for w, p in zip(whole, parts, strict=True)
+    )
 
 
 def _without_defaults(layer: Mapping[str, Any]) -> Values:

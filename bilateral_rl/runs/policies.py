@@ -54,6 +54,7 @@ def build_policy(config: TrainConfig) -> MotorPolicy:
         spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
         lr_schedule=lambda _: 0.0,
         n_streams=len(stream_mix(config.spec.loss)),
+        **_critics_inputs(config),
         **policy_arguments(config),
     )
 
@@ -65,7 +66,7 @@ def policy_class(config: TrainConfig) -> type[MotorPolicy]:
 
 
 def policy_arguments(config: TrainConfig) -> dict[str, Any]:
-    """Return the keyword arguments of the run's policy, but for the number of streams."""
+    """Return the keyword arguments of the run's policy, but for those that an algorithm gives it by itself."""
     network = config.network
     critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
     arguments = {
@@ -78,6 +79,17 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyHyperparameters):
         arguments["n_critics"] = config.hyperparameters.n_critics
     return arguments
+
+
+def _critics_inputs(config: TrainConfig) -> dict[str, Any]:
+    """Return what an algorithm tells its policy of the critics' inputs."""
+    if not isinstance(config, RLConfig):
+        return {}
+    chosen = config.hyperparameters
+    inputs: dict[str, Any] = {"n_traces": len(chosen.action_traces)}
+    if isinstance(chosen, OffPolicyHyperparameters):
+        inputs["standardize_inputs"] = chosen.standardize_inputs
+    return inputs
 
 
 def network_states(folder: RunFolder, weights: str = FINAL) -> dict[int, Tensors]:

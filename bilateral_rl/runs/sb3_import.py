@@ -15,7 +15,7 @@ from stable_baselines3.common.save_util import load_from_zip_file
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.catalogue import MODELS
-from bilateral_rl.config.parse import Values
+from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import CONFIGS, RLConfig, TrainConfig
 from bilateral_rl.envs.settings import TrialSettings
@@ -113,11 +113,16 @@ class SavedModel:
         config = CONFIGS[algo]()
         assert isinstance(config, RLConfig)
         names = [field.name for field in dataclasses.fields(config.hyperparameters)]
-        stock = {"weight_penalty": 0.0, "reward_scale": 1.0}
+        stock = {"weight_penalty": 0.0, "reward_scale": 1.0, "standardize_inputs": False, "normalize_streams": False}
         stored = {**stock, **self.data, "n_critics": getattr(policy, "n_critics", None)}
         values = {name: _number(stored.get(name), 1.0) for name in names}
         final = {name: _number(stored.get(name.removeprefix("final_")), 0.0) for name in names if "final_" in name}
-        return {name: value for name, value in (values | final).items() if value is not None}
+        algorithm = ALGORITHM_CLASSES[algo]  # whose attributes are those of models from before there was a choice
+        others = {
+            name: self.data.get(name, getattr(algorithm, name, None)) for name in ("action_traces", "actor_value")
+        }
+        chosen = values | final | {name: value for name, value in others.items() if name in names}
+        return {name: plain(value) for name, value in chosen.items() if value is not None}
 
     def _check_spaces(self) -> None:
         """Raise a UserError unless the model observes and commands what the arm does."""

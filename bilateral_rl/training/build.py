@@ -42,4 +42,5 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
 def algorithm_arguments(config: RLConfig) -> dict[str, Any]:
     """Return the hyperparameters as the algorithm's constructor takes them."""
     hyperparameters = dataclasses.asdict(config.hyperparameters)
-    return ALGORITHM_CLASSES[config.algo].constructor_arguments(hyperparameters, config.n_envs, N_MUSCLES)
+    algorithm = ALGORITHM_CLASSES[config.algo]
+    return algorithm.constructor_arguments(hyperparameters, config.timesteps, config.n_envs, N_MUSCLES)

@@ -197,6 +197,9 @@ def _set_environment(algorithm: BaseAlgorithm, stored: Tensors) -> None:
 
 def _last(algorithm: BaseAlgorithm) -> Tensors:
     arrays = {"observation": algorithm._last_obs, "episode_starts": algorithm._last_episode_starts}
+    traces = getattr(algorithm, "_last_traces", None)
+    if traces is not None and traces.size:  # states of earlier versions have none
+        arrays["traces"] = traces
     return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 

@@ -19,7 +19,12 @@ from bilateral_rl.zoo import ZOO_ALGORITHMS
 
 POLICY = "CallosalPolicy"
 _LINEAR = "lin_"
-_ONLY_HEMISPHERIC = frozenset({"loss", "weight_penalty", "reward_scale", "critic_warm_up"})
+_ONLY_HEMISPHERIC = frozenset(
+    {
+        "loss", "weight_penalty", "reward_scale", "critic_warm_up", "action_traces", "standardize_inputs",
+        "actor_value", "normalize_streams",
+    }
+)  # fmt: skip
 """Arguments that stock algorithms do not take."""
 
 
@@ -96,7 +101,7 @@ def _noise(config: TD3Hyperparameters) -> dict[str, Any]:
 def _in_words(value: Any) -> Any:
     """``value``, or the text that :func:`parse_schedule` reads where it is a schedule."""
     if not isinstance(value, linear_schedule):
-        return value
+        return plain(value)
     if value.initial == value.final:
         return value.initial
     return f"{_LINEAR}{value.initial}" + (f"_{value.final}" if value.final else "")

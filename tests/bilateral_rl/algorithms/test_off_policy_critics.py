@@ -136,7 +136,7 @@ def test_the_noise_on_td3s_target_actions_is_clipped_and_stays_within_the_comman
     seen = []
     model.policy.critic_target.register_forward_pre_hook(lambda _, inputs: seen.append(inputs))
     update(model)
-    ((observations, actions),) = seen
+    ((observations, actions, _),) = seen
     with torch.no_grad():
         moved = actions - model.policy.actor_target(observations)
     assert actions.abs().max() <= 1.0

@@ -88,7 +88,7 @@ def test_one_stream_gets_the_advantages_and_returns_of_sb3s_buffer(episode, gamm
     nothing, log_probs = np.zeros((n_envs, 4), dtype=np.float32), np.zeros(n_envs, dtype=np.float32)
     for step in range(n_steps):
         assert not rollout.full
-        rollout.begin_step(nothing)
+        rollout.begin_step(nothing, nothing[:, :0])
         rollout.add(nothing[:, :2], rewards[step], dones[step], log_probs)
     assert rollout.full
     rollout.compute_returns_and_advantage(episode["values"], episode["last_values"])

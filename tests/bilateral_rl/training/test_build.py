@@ -91,7 +91,8 @@ UNUSUAL = {
     "n_steps": 10, "gae_lambda": 0.7, "ent_coef": 0.04, "final_ent_coef": 0.03, "vf_coef": 0.6, "max_grad_norm": 0.8,
     "batch_size": 20, "n_epochs": 3, "clip_range": 0.25, "normalize_advantage": True, "use_rms_prop": False,
     "buffer_size": 400, "learning_starts": 12, "tau": 0.02, "train_freq": 3, "gradient_steps": 2, "n_critics": 3,
-    "critic_warm_up": 5,
+    "critic_warm_up": 5, "action_traces": (0.1, 0.7), "standardize_inputs": True, "actor_value": "mean",
+    "normalize_streams": True,
     "initial_ent_coef": 0.2, "target_entropy": -2.0, "action_noise": 0.15, "policy_delay": 4,
     "target_policy_noise": 0.35, "target_noise_clip": 0.45,
 }  # fmt: skip
