@@ -46,7 +46,7 @@ def test_what_would_fill_the_memory_is_refused_by_its_name():
         ("ppo", {"network": {"critic_arch": [1] * 101}}, "network.critic_arch"),
         ("ppo", {"n_envs": 1_000_000}, "n_envs and trial"),
         ("ppo", {"ppo": {"n_steps": 100_000}}, "n_envs and ppo.n_steps"),
-        ("a2c", {"a2c": {"n_steps": 100_000}}, "n_envs and a2c.n_steps"),
+        ("a2c", {"n_envs": 1000, "a2c": {"n_steps": 100_000}}, "n_envs and a2c.n_steps"),
         ("ppo", {"evaluation": {"trials": 1_000_000}}, "evaluation.trials and trial"),
         ("ppo", {"threads": 10**6}, "threads"),
         ("bptt", {"threads": 10**4}, "threads"),
