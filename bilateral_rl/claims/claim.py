@@ -104,6 +104,11 @@ class Claim:
         return all_of(component.verdict for component in self.components)
 
     @property
+    def unjudged(self) -> bool:
+        """Whether it is undecided because a component has no results at all."""
+        return self.verdict == "undecided" and any(not component.measured for component in self.components)
+
+    @property
     def deciding(self) -> Component:
         """The weakest component: of those that have the claim's verdict, that with the least effect.
 

@@ -298,6 +298,10 @@ def render(
 def reproduce(
     algo: Annotated[str, typer.Option(help="bptt, as the paper, or ppo, a2c, sac, td3.")] = "bptt",
     profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
+    models: Annotated[
+        list[str] | None,
+        typer.Option(help="A model, such as bi_s; may be repeated.", show_default="all"),
+    ] = None,
     seeds: Annotated[
         str | None,
         typer.Option(
@@ -326,6 +330,7 @@ def reproduce(
     command.reproduce(
         algo=algo,
         profile=profile,
+        models=models,
         seeds=seeds,
         quick=quick,
         n_jobs=jobs,

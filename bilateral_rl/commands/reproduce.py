@@ -15,8 +15,11 @@ from bilateral_rl.claims import Judgement, Verdict
 from bilateral_rl.claims.margins import PAPER_SEEDS
 from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
 from bilateral_rl.config import parse as settings
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.seeds import Seeds, parse_seeds
 from bilateral_rl.study.agenda import Step, agenda
+from bilateral_rl.study.answer import Answer
+from bilateral_rl.study.answer_in_words import unjudged_in_words
 from bilateral_rl.study.fit import readings_for
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.grid import Grid
@@ -36,6 +39,7 @@ def reproduce(
     *,
     algo: str,
     profile: str,
+    models: Sequence[str] | None,
     seeds: str | None,
     quick: bool,
     n_jobs: int | None,
@@ -45,11 +49,12 @@ def reproduce(
     out: Path | None,
     console: Console,
 ) -> None:
-    """Train, lesion and test every model on every task, and report what that says of the paper's claims.
+    """Train, lesion and test models on every task, and report what that says of the paper's claims.
 
     Args:
         algo: the algorithm of every training.
         profile: "paper", or "released" for the losses and lesions of its released code.
+        models: which models; None for all.
         seeds: networks of each model, as ``--seeds`` takes them; None for the usual number of them.
         quick: whether it is a preview.
         n_jobs: number of trainings at a time; None for one a CPU.
@@ -64,9 +69,9 @@ def reproduce(
         SystemExit: somebody stopped it.
     """
     began = time.monotonic()
-    study = _study(algo, profile, seeds, quick, settings.parse_overrides(overrides))
+    study = _study(algo, profile, models, seeds, quick, settings.parse_overrides(overrides))
     chosen, left_out = readings_for(study, readings or ANCHORS)
-    at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables))
+    at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables), algo)
     grid = Grid(study, chosen, threads)
     folder = out or Path("runs") / study.name
     with claimed_folder(folder, study.to_values()):
@@ -84,18 +89,29 @@ def reproduce(
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
     for judgement in judgements[:_SHOWN]:
         console.print(f"{judgement.reading}: {counts_of(judgement.claims)}", highlight=False)
+    if unjudged := unjudged_in_words(Answer(judgements)):
+        console.print(f"[yellow]Note:[/yellow] {unjudged}", highlight=False)
     console.print(f"{(time.monotonic() - began) / 60:.1f} minutes.", highlight=False)
     print_failures(outcomes, console)
     print_unsourced(unsourced(folder / table.path for table in grid.all_tables), console)
     console.print(f"Report: [bold]{_quoted(folder / REPORT)}[/bold]", soft_wrap=True, highlight=False)
 
 
-def _study(algo: str, profile: str, seeds: str | None, quick: bool, overrides: settings.Values) -> Study:
+def _study(
+    algo: str,
+    profile: str,
+    models: Sequence[str] | None,
+    seeds: str | None,
+    quick: bool,
+    overrides: settings.Values,
+) -> Study:
     if seeds is None:
         chosen = Seeds(QUICK_SEEDS if quick else PAPER_SEEDS)
     else:
         chosen = parse_seeds(seeds, "--set seed" if "seed" in overrides else "")
-    return Study(algo, profile, chosen.first or 0, chosen.n, quick, overrides)
+    requested = models or MODELS
+    in_order = dict.fromkeys([*(model for model in MODELS if model in requested), *requested])
+    return Study(algo, profile, chosen.first or 0, chosen.n, quick, overrides, tuple(in_order))
 
 
 def _conclude(grid: Grid, folder: Path, outcomes: Sequence[JobOutcome], console: Console) -> list[Judgement]:

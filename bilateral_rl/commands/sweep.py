@@ -62,7 +62,7 @@ def sweep(
     requested_metrics = [find_metric(name) for name in metrics or []]
     points, fixed = parse_grid(grid), settings.parse_overrides(overrides)
     study = Sweep(algo, points, fixed | _seed_settings(seeds, {*points, *fixed}), trials)
-    at_once, threads = side_by_side(n_jobs, len(study.points()))
+    at_once, threads = side_by_side(n_jobs, len(study.points()), algo)
     jobs = study.jobs(threads)
     _check_measured(study, requested_metrics)
     folder = out or Path("runs") / "sweep"

@@ -40,6 +40,15 @@ def opening(answer: Answer) -> str:
     return " ".join([*sentences, _most(answer)])
 
 
+def unjudged_in_words(answer: Answer) -> str:
+    """Say which claims no reading can judge, because results of models that they are about are missing; "" if none."""
+    claims = [number for number in answer.numbers if all(answer.claim(j, number).unjudged for j in answer.judgements)]
+    if not claims:
+        return ""
+    missing = "models that they are about were left out, or have no results"
+    return f"{_list(claims)} cannot be judged: {missing}. They count as undecided."
+
+
 def turns_in_words(answer: Answer, number: str) -> str:
     """Say which choices make a claim hold, or no longer hold; "" where there is one reading only."""
     if len(answer.judgements) == 1:

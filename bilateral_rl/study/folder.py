@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yaml
 
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import refuse_traps, replacing
@@ -16,7 +17,7 @@ from bilateral_rl.io.yaml_files import read_settings
 
 STUDY_FILE = "study.yaml"
 LOCK = ".lock"
-_BEFORE: Values = {"first_seed": 0}
+_BEFORE: Values = {"first_seed": 0, "models": list(MODELS)}
 """What descriptions by earlier versions do not say, as it was then."""
 MACHINE_SETTINGS = ("threads", "device", "track")
 """Settings that change how a run is made, not what comes out: a study may go on with others."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -11,33 +11,31 @@ from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.resolve import quick_settings, resolve
-from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.schema import RLConfig, TrainConfig
 from bilateral_rl.config.seeds import FIRST_CONFIRMING_SEED
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.study.calibration import calibrated_settings, is_calibrated
 from bilateral_rl.vocabulary import PROFILES
 
 TRAIN_AND_MEASURE = "bilateral_rl.study.model_job:train_and_measure"
 QUICK_SEEDS = 3
-CALIBRATED: dict[str, Values] = {
-    "random_reach": {"bptt": {"penalty": "weights", "penalty_coefficient": 1e-3}},
-    "hold_position": {"bptt": {"penalty": "weights", "penalty_coefficient": 3e-5}},
-}
-"""What the paper leaves open, in profile ``paper``. Radii and penalty were chosen for claims C1 to C3, on unilateral
-models only, from the grid in ``docs/paper.md``; C4 to C14 are tests of what was chosen."""
 _QUICK_TESTS = {"trials": 256, "retraining_trials": 640}
 SET_BY_STUDY = ("algo", "model", "task", "seeds", "profile")
 """Settings that tell a study's trainings apart, or that it has options for."""
+PROBED, PROBES = ("bi_s", "cc_s"), 12
+"""Models whose sides are tested while reinforcement learning specializes them, and how often."""
 _SPECIALIZED_COST = 1.25
 """Cost of a training with two losses, against that of one."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """Which trainings a study makes: every model on each of the paper's tasks.
+    """Which trainings a study makes: every model, or some, on each of the paper's tasks.
 
     Raises:
-        UserError: an unknown algorithm or profile, less than one seed, or overrides of what a study itself sets.
+        UserError: an unknown algorithm, profile or model, no model, less than one seed, or overrides of what a study
+            itself sets.
     """
 
     algo: str = "bptt"
@@ -49,10 +47,16 @@ class Study:
     """A preview: few seeds, short trainings, few test trials."""
     overrides: Values = field(default_factory=dict)
     """Settings of every training, as ``--set`` gives them."""
+    models: tuple[str, ...] = tuple(MODELS)
+    """Names of models; claims that need others stay undecided."""
 
     def __post_init__(self) -> None:
         check_choice("algorithm", self.algo, ALGORITHMS)
         check_choice("profile", self.profile, PROFILES)
+        for model in self.models:
+            check_choice("model", model, MODELS)
+        if not self.models or len(set(self.models)) < len(self.models):
+            raise UserError(f"A study is of one model or more, each once, not of {list(self.models)}.")
         if self.seeds < 1:
             raise UserError(f"--seeds must be at least 1, got {self.seeds}.")
         fixed = [name for name in SET_BY_STUDY if name in self.overrides]
@@ -64,7 +68,8 @@ class Study:
         """Name of its folder."""
         quick = ["quick"] if self.quick else []
         seeds = [f"seeds-{self.first_seed}-{self.first_seed + self.seeds - 1}"] if self.first_seed else []
-        return "-".join(["reproduce", self.algo, self.profile, *quick, *seeds])
+        models = [] if set(self.models) == set(MODELS) else self.models
+        return "-".join(["reproduce", self.algo, self.profile, *models, *quick, *seeds])
 
     @property
     def purpose(self) -> Literal["exploration", "confirmation"]:
@@ -87,14 +92,9 @@ class Study:
             of_study["profile"] = self.profile
         layers = [quick_settings(self.algo) if self.quick else {}, of_study]
         configs = [
-            resolve(
-                self.algo,
-                task,
-                [*layers, self._calibrated(task), self.overrides, training.get(task, {})],
-                model=model,
-            )
+            self._config(task, model, [*layers, self.overrides, training.get(task, {})])
             for task in JUDGED_RADII
-            for model in MODELS
+            for model in self.models
         ]
         if any(config.trial.noisy or config.trial.feedback_delay for config in configs):
             raise UserError("After a lesion networks are retrained without noise or delay; leave both out.")
@@ -107,12 +107,23 @@ class Study:
         """Settings of every test of its networks (:class:`~bilateral_rl.study.lesioning.LesionSettings`)."""
         return dict(_QUICK_TESTS) if self.quick else {}
 
-    def _calibrated(self, task: str) -> Values:
-        return CALIBRATED[task] if (self.algo, self.profile) == ("bptt", "paper") else {}
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether its weight penalty was chosen for some of the claims."""
+        return is_calibrated(self.algo, self.profile, self.overrides)
 
     def to_values(self) -> Values:
         """The contents of ``study.yaml``."""
-        return dataclasses.asdict(self)
+        return dataclasses.asdict(self) | {"models": list(self.models)}
+
+    def _config(self, task: str, model: str, layers: Sequence[Values]) -> TrainConfig:
+        """The training of a model: by the calibrated penalty and with its probes, where ``layers`` say nothing else."""
+        calibrated = calibrated_settings(self.algo, self.profile, task)
+        config = resolve(self.algo, task, [calibrated, *layers], model=model)
+        if model not in PROBED or not isinstance(config, RLConfig):
+            return config
+        probes: Values = {"evaluation": {"lesion_probe_every": -(-config.timesteps // PROBES)}}
+        return resolve(self.algo, task, [probes, calibrated, *layers], model=model)
 
 
 def cost_of(config: TrainConfig) -> float:
@@ -125,15 +136,17 @@ def is_supervised(algo: str) -> bool:
     return algo == "bptt"
 
 
-def side_by_side(requested: int | None, n_jobs: int) -> tuple[int, int]:
+def side_by_side(requested: int | None, n_jobs: int, algo: str) -> tuple[int, int]:
     """Share the CPUs of this machine among jobs.
 
     Args:
         requested: number of jobs at a time; None for one a CPU.
         n_jobs: number of jobs.
+        algo: the algorithm of their trainings.
 
     Returns:
-        The number of jobs to run at a time, and the number of CPU threads of each.
+        The number of jobs to run at a time, and the number of CPU threads of each: one by reinforcement learning, which
+        a second one slows down tenfold where other programs want the same CPU.
 
     Raises:
         UserError: less than one at a time.
@@ -142,4 +155,4 @@ def side_by_side(requested: int | None, n_jobs: int) -> tuple[int, int]:
         raise UserError(f"--jobs must be at least 1, got {requested}.")
     n_cpus = usable_cpus()
     at_once = min(requested or n_cpus, n_jobs)
-    return at_once, max(1, n_cpus // at_once)
+    return at_once, max(1, n_cpus // at_once) if is_supervised(algo) else 1

@@ -15,16 +15,19 @@ import yaml
 
 from bilateral_rl.analysis.metrics import Metric, metrics_of
 from bilateral_rl.claims import Claim, Judgement, margins
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.io.files import replacing
 from bilateral_rl.runs.versions import versions
 from bilateral_rl.study.answer import Answer
-from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING
+from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, unjudged_in_words
+from bilateral_rl.study.calibration import CALIBRATED_FOR
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.planning import demand_in_words
 from bilateral_rl.study.report_answer import answer_values
+from bilateral_rl.study.report_penalty import penalty_in_words
 from bilateral_rl.study.report_table import ReportTable
 
 LOG_LINES, LOG_BYTES = 25, 2**16
@@ -49,8 +52,6 @@ _LESIONS = (
     "follows a lesion is the reading's protocol. The same is done to a freshly initialized network, the control: a "
     "state that is not better than it shows what was relearned, not what was kept."
 )
-_CALIBRATED = ("C1", "C2", "C3")
-"""Claims for which settings were chosen, in the calibrated study."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def _values(findings: Findings) -> dict[str, Any]:
         "purpose": CONFIRMING if study.purpose == "confirmation" else EXPLORING,
         "demand": demand_in_words,
         "details": [_detail(anchor) for anchor in answer.anchors],
-        "calibrated": _CALIBRATED if _is_calibrated(study) else (),
+        "calibrated": CALIBRATED_FOR if study.is_calibrated else (),
+        "unjudged": unjudged_in_words(answer),
         "rule": _RULE,
         "lesions": _LESIONS,
         "metrics": _metrics(findings.radii),
@@ -115,7 +117,7 @@ def _values(findings: Findings) -> dict[str, Any]:
         **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
         "jobs_summary": _jobs_summary(findings.outcomes),
-        "setup": _setup(study),
+        "setup": _setup(findings),
         "blocks": _blocks(findings),
     }
 
@@ -130,17 +132,14 @@ def _detail(judgement: Judgement) -> dict[str, Any]:
     return {"name": judgement.reading, "why": judgement.why, "counts": counts_of(claims), "claims": claims}
 
 
-def _is_calibrated(study: Study) -> bool:
-    """Whether what the paper leaves open was chosen for some of its claims."""
-    return (study.algo, study.profile) == ("bptt", "paper")
-
-
 def _subtitle(findings: Findings) -> str:
     study, radii = findings.study, findings.radii
     where = f" under “{findings.judgements[0].reading}”" if len(findings.judgements) > 1 else ""
     trained = f"profile {study.profile}, " if study.algo == "bptt" else ""
+    names = [model_label(model) for model in study.models]
+    models = f"{len(names)} of seven models ({', '.join(names)})" if len(names) < len(MODELS) else "seven models"
     return (
-        "Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: seven models on two tasks, "
+        f"Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: {models} on two tasks, "
         f"{trained}{study.seeds} seeds each. Goal radius{where}: reach {100 * radii['random_reach']:g} cm, "
         f"hold {100 * radii['hold_position']:g} cm. Verdicts are computed from the results."
     )
@@ -193,13 +192,14 @@ def _jobs_summary(outcomes: Sequence[JobOutcome]) -> str:
     return text
 
 
-def _setup(study: Study) -> str:
-    if not _is_calibrated(study):
-        return "Every setting of every training is in config.yaml of its run, below the folder runs."
-    return (
-        "What the paper leaves open, the kind and strength of the weight penalty and the radii of the goals, was "
-        "chosen for C1 to C3 on the unilateral models and then kept; C4 to C14 are tests of that choice."
-    )
+def _setup(findings: Findings) -> str:
+    sentences = ["Every setting of every training is in config.yaml of its run, below the folder runs."]
+    if findings.study.is_calibrated:
+        sentences.append(
+            "What the paper leaves open, the kind and strength of the weight penalty and the radii of the goals, was "
+            "chosen for C1 to C3 on the unilateral models and then kept; C4 to C14 are tests of that choice."
+        )
+    return " ".join([*sentences, penalty_in_words(findings.configs)])
 
 
 def _blocks(findings: Findings) -> list[dict[str, str]]:

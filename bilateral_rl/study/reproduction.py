@@ -21,6 +21,7 @@ from bilateral_rl.study.outcome import StudyResults, runs_of
 from bilateral_rl.study.planning import seeds_of_components, seeds_table
 from bilateral_rl.study.readings import Reading
 from bilateral_rl.study.report import Findings, Picture, write_report
+from bilateral_rl.study.report_penalty import penalty_table
 from bilateral_rl.study.report_table import ReportTable
 from bilateral_rl.study.tables import study_tables
 from bilateral_rl.study.trainings import Table
@@ -29,7 +30,7 @@ REPORT, RESULTS, CLAIMS, ANSWER, POWER = "report.html", "results.csv", "claims.c
 
 _FIRST_WORDS = (
     *("curve", "deep_minus_shallow", "hemispheres", "learning", "lesions", "models", "muscles", "pairs", "paths"),
-    *("posthoc", "seeds", "specialization", "speed", "tests"),
+    *("penalty", "posthoc", "seeds", "specialization", "speed", "tests"),
 )
 """How the names of a study's figures and tables begin."""
 _SUFFIXES = (".csv", ".pdf", ".png")
@@ -61,7 +62,8 @@ def conclude(
     answer = Answer(judgements)
     shown, radii = _shown(grid), grid.readings[0].criteria.radii
     results = read.of(shown)
-    tables = [seeds_table(answer), *study_tables(results, radii)]
+    configs = list(dict.fromkeys(table.training.config for table in shown))
+    tables = [seeds_table(answer), penalty_table(configs), *study_tables(results, radii)]
     _write(read.named(grid.all_tables), answer, tables, folder)
     say("drawing the figures")
     runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in JUDGED_RADII}
@@ -71,7 +73,6 @@ def conclude(
     ]
     _remove_outdated(folder / "figures", [picture.png.stem for picture in pictures])
     say("writing the report")
-    configs = list(dict.fromkeys(table.training.config for table in shown))
     write_report(Findings(grid.study, configs, outcomes, judgements, tables, pictures, radii), folder / REPORT)
     return judgements
 

@@ -16,6 +16,7 @@ from made_up_results import make_results
 from bilateral_rl.commands import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
 from bilateral_rl.config.resolve import resolve
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import local, reproduction
@@ -129,6 +130,7 @@ def outcomes(monkeypatch):
         (["--quick", "--profile", "released"], "reproduce-bptt-released-quick", 0, 3),
         (["--quick", "--seeds", 5], "reproduce-bptt-paper-quick", 0, 5),
         (["--algo", "ppo"], "reproduce-ppo-paper", 0, 10),
+        (["--algo", "sac", "--models", "bi_ns", "--models", "cc_s"], "reproduce-sac-paper-bi_ns-cc_s", 0, 10),
         (["--seeds", "100..129"], "reproduce-bptt-paper-seeds-100-129", 100, 30),
         (["--seeds", "0..4"], "reproduce-bptt-paper", 0, 5),
     ],
@@ -145,6 +147,15 @@ def test_a_study_goes_to_a_folder_of_its_own(invoke, outcomes, tmp_path, options
     assert f"Report: runs/{name}/report.html" in out
     assert (folder / "report.html").is_file()
     assert "Of 14 claims: 0 supported, 0 not supported, 14 undecided." in out
+    assert "C13 and C14 cannot be judged: models that they are about were left out, or have no results." in out
+
+
+def test_models_can_be_chosen(invoke, outcomes):
+    invoke("reproduce", "--models", "bi_s", "--models", "bi_ns", "--models", "bi_s", "--out", "study")
+    ((jobs, _, _),) = outcomes.calls
+    assert sorted(job.name for job in jobs) == [f"{task}/{m}" for task in sorted(TASK_SPECS) for m in ("bi_ns", "bi_s")]
+    with pytest.raises(UserError, match=r"holds a study with models = \['bi_ns', 'bi_s'\], not"):
+        invoke("reproduce", "--out", "study")
 
 
 def test_so_many_at_a_time_share_the_processors(invoke, outcomes, monkeypatch):
@@ -187,6 +198,7 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, outco
         (["--readings", "text-penalty-none", "--profile", "released"], "so does --profile released"),
         (["--readings", "text-released-lesions", "--profile", "released"], "so does --profile released"),
         (["--profile", "mine"], "Unknown profile"),
+        (["--models", "mine"], "Unknown model 'mine'"),
         (["--set", "model=cc_s"], "--set cannot change model"),
         (["--set", "epochs=none"], "epochs must be a whole number"),
         (["--set", "epochs"], "--set takes key=value"),

@@ -108,6 +108,19 @@ def test_no_trace_is_left_of_a_study_that_is_refused_before_anything_is_done(tmp
     assert not list(tmp_path.iterdir())
 
 
+def test_a_study_of_before_models_could_be_chosen_is_of_all(tmp_path):
+    values_then = {name: value for name, value in Study().to_values().items() if name not in ("models", "first_seed")}
+    with claimed_folder(tmp_path / "study", values_then):
+        (tmp_path / "study" / "logs").mkdir()
+    with claimed_folder(tmp_path / "study", Study().to_values()):
+        pass
+    with (
+        pytest.raises(UserError, match="holds a study with models"),
+        claimed_folder(tmp_path / "study", Study(models=("cc_s",)).to_values()),
+    ):
+        pass
+
+
 def test_a_study_that_was_begun_stays_when_it_is_refused(tmp_path):
     logs = tmp_path / "study" / "logs"
     with pytest.raises(FileExistsError), claimed_folder(tmp_path / "study", values()):

@@ -3,11 +3,15 @@
 import os
 
 import pytest
+import yaml
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
+from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import MAX_SEED
 from bilateral_rl.envs.tasks import TASKS, RandomReach
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.study.calibration import CALIBRATED
 from bilateral_rl.study.plan import Study, side_by_side
 
 
@@ -37,8 +41,58 @@ def test_the_calibrated_penalty_is_that_of_supervised_training_as_in_the_papers_
     assert {kind for kind, _ in penalties(Study(profile="released")).values()} == {"released"}
     for config in Study(profile="released").configs():
         assert (config.profile, config.bptt.penalty, config.bptt.penalty_coefficient) == ("released", None, None)
-    default = resolve("ppo", "hold_position").ppo.weight_penalty
-    assert {config.ppo.weight_penalty for config in Study(algo="ppo").configs()} == {default}
+
+
+@pytest.mark.parametrize("profile", ["paper", "released"])
+def test_reinforcement_learning_has_its_own_calibrated_penalty_or_that_of_train(monkeypatch, profile):
+    calibrated = {"random_reach": 0.125, "hold_position": 0.25}
+    monkeypatch.setitem(CALIBRATED, "ppo", calibrated)
+    monkeypatch.delitem(CALIBRATED, "td3", raising=False)
+    study = Study(algo="ppo", profile=profile, seeds=1)
+    assert study.is_calibrated
+    assert {(c.task, c.ppo.weight_penalty) for c in study.configs()} == set(calibrated.items())
+    assert not Study(algo="td3", profile=profile).is_calibrated
+    for config in Study(algo="td3", profile=profile, seeds=1).configs():
+        assert config.td3.weight_penalty == resolve("td3", config.task).td3.weight_penalty
+
+
+def test_a_penalty_of_ones_own_is_not_the_calibrated_one():
+    overrides = {"bptt": {"penalty_coefficient": 0.5}}
+    assert Study(overrides={"bptt": {"epsilon": 1e-6}}).is_calibrated
+    assert not Study(overrides=overrides).is_calibrated
+    assert not Study(profile="released").is_calibrated
+    assert {coefficient for _, coefficient in penalties(Study(overrides=overrides)).values()} == {0.5}
+
+
+def test_what_is_calibrated_is_calibrated_for_every_task():
+    for algo, by_task in CALIBRATED.items():
+        assert algo in ALGORITHMS
+        assert set(by_task) == set(JUDGED_RADII)
+        assert all(coefficient >= 0 for coefficient in by_task.values())
+
+
+def test_a_study_can_be_of_some_models():
+    study = Study(algo="sac", seeds=2, models=("bi_s", "bi_ns"))
+    assert {(c.task, c.model, c.seed) for c in study.configs()} == {
+        (task, model, seed) for task in JUDGED_RADII for model in ("bi_s", "bi_ns") for seed in (0, 1)
+    }
+    assert study.name == "reproduce-sac-paper-bi_s-bi_ns"
+    assert yaml.safe_load(yaml.safe_dump(study.to_values())) == study.to_values()
+    assert Study(models=tuple(reversed(MODELS))).name == Study().name == "reproduce-bptt-paper"
+
+
+def test_specialized_models_are_probed_as_they_learn_by_reinforcement():
+    quick, short = Study(algo="ppo", seeds=1, quick=True), Study(algo="sac", seeds=1, overrides={"timesteps": 250})
+    for config in [*quick.configs(), *short.configs()]:
+        every = config.evaluation.lesion_probe_every
+        assert (11 < config.timesteps / every <= 12) if config.model in ("bi_s", "cc_s") else every == 0
+    assert short.configs()[0].timesteps == 250
+
+
+def test_how_often_is_probed_can_be_set():
+    for every in (0, 7):
+        study = Study(algo="ppo", seeds=1, overrides={"evaluation": {"lesion_probe_every": every}})
+        assert {config.evaluation.lesion_probe_every for config in study.configs()} == {every}
 
 
 def test_overrides_win():
@@ -85,6 +139,9 @@ def test_a_study_that_cannot_be_is_refused():
         ({"algo": "dqn"}, "Unknown algorithm 'dqn'"),
         ({"profile": "mine"}, "Unknown profile 'mine'"),
         ({"seeds": 0}, "--seeds must be at least 1"),
+        ({"models": ("cc_s", "nope")}, "Unknown model 'nope'"),
+        ({"models": ()}, "one model or more"),
+        ({"models": ("cc_s", "cc_s")}, "each once"),
         ({"overrides": {"model": "cc_s"}}, "--set cannot change model"),
         ({"overrides": {"seeds": 3}}, "--set cannot change seeds"),
         ({"overrides": {"profile": "released"}}, "--set cannot change profile"),
@@ -110,10 +167,11 @@ def test_what_cannot_be_retrained_after_a_lesion_is_refused_before_it_is_trained
 
 def test_processors_are_shared_among_the_jobs_at_a_time(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)))
-    assert side_by_side(None, 14) == (8, 1)
-    assert side_by_side(2, 14) == (2, 4)
-    assert side_by_side(3, 14) == (3, 2)
-    assert side_by_side(20, 14) == (14, 1)
-    assert side_by_side(None, 3) == (3, 2)
+    assert side_by_side(None, 14, "bptt") == (8, 1)
+    assert side_by_side(2, 14, "bptt") == (2, 4)
+    assert side_by_side(3, 14, "bptt") == (3, 2)
+    assert side_by_side(20, 14, "bptt") == (14, 1)
+    assert side_by_side(None, 3, "bptt") == (3, 2)
+    assert side_by_side(2, 14, "ppo") == (2, 1)
     with pytest.raises(UserError, match="--jobs must be at least 1, got 0"):
-        side_by_side(0, 14)
+        side_by_side(0, 14, "bptt")

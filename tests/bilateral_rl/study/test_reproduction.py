@@ -5,9 +5,11 @@ import pytest
 from made_up_results import make_results
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
+from bilateral_rl.config.resolve import resolve
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import reproduction
+from bilateral_rl.study.calibration import CALIBRATED
 from bilateral_rl.study.drawing import Drawing
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome, JobState
@@ -103,7 +105,11 @@ def test_results_that_bear_out_the_paper_support_every_claim_and_all_is_written_
     }
     names = {path.stem for path in (tmp_path / "tables").iterdir()}
     kinds = ("models", "tests", "pairs", "lesions", "specialization")
-    assert names == {f"{kind}_{task}" for kind in kinds for task in JUDGED_RADII} | {"deep_minus_shallow", "seeds"}
+    assert names == {f"{kind}_{task}" for kind in kinds for task in JUDGED_RADII} | {
+        "deep_minus_shallow",
+        "penalty",
+        "seeds",
+    }
     answer = pd.read_csv(tmp_path / "answer.csv")
     assert list(answer["claim"]) == [claim.number for claim in claims]
     assert set(answer["verdict"]) == {"supported"}
@@ -183,6 +189,34 @@ def test_a_failed_training_leaves_its_claims_undecided_and_the_others_as_they_ar
     assert "13 of 14 trainings are done" in page
     assert "ValueError: it went wrong" in page
     assert "no results of uni_ndl in hold_position" in page
+
+
+def test_of_some_models_only_claims_on_them_are_judged_and_the_others_are_named(tmp_path, no_tables):
+    models = ("bi_ns", "bi_s")
+    grid = Grid(Study(models=models), load_readings(["text"]))
+    results = results_of_study()
+    outcomes = fill(tmp_path, results[results["model"].isin(models)], grid=grid)
+    assert len(outcomes) == 4
+    claims = {claim.number: claim for claim in concluded(tmp_path, outcomes, grid=grid)}
+    assert claims["C4"].verdict == claims["C5"].verdict == "supported"
+    others = [number for number in claims if number not in ("C4", "C5")]
+    assert all(claims[number].unjudged for number in others)
+    page = (tmp_path / "report.html").read_text()
+    assert f"{', '.join(others[:-1])} and C14 cannot be judged: models that they are about were left out" in page
+    assert "2 of seven models (Bi-NS, Bi-S) on two tasks" in page
+
+
+def test_the_penalty_of_the_study_stands_beside_that_of_train(tmp_path, no_tables, monkeypatch):
+    monkeypatch.setitem(CALIBRATED, "td3", {"random_reach": 0.125, "hold_position": 0.0})
+    train = {task: resolve("td3", task).td3.weight_penalty for task in JUDGED_RADII}
+    grid = Grid(Study("td3", models=("uni_ndl",), seeds=1), load_readings(["text"]))
+    conclude(grid, tmp_path, [])
+    table = pd.read_csv(tmp_path / "tables" / "penalty.csv")
+    assert table["this study"].tolist() == [0.125, 0.0]
+    assert table["train"].tolist() == list(train.values())
+    page = (tmp_path / "report.html").read_text()
+    assert "This study has λ = 0.125 in random reach and λ = 0 in hold position; train has λ = " in page
+    assert "C1, C2, C3 are no tests" in page
 
 
 def test_where_every_training_failed_there_is_a_report_still(tmp_path):
