@@ -12,9 +12,10 @@ import motornet
 import torch
 from torch import Tensor
 
+from bilateral_rl.bptt.history import history_columns
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
-from bilateral_rl.bptt.trainer import Trainer, history_columns
+from bilateral_rl.bptt.trainer import Trainer
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.runs.policies import build_network

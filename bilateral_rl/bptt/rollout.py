@@ -106,6 +106,21 @@ class Rollout:
         start = self.observation[:, :, 0, HAND : HAND + 2]
         return (start - self.trials.target).norm(dim=-1), (self.hand - self.trials.target[:, :, None]).norm(dim=-1)
 
+    def contributions(self, network: int) -> tuple[Tensor, Tensor]:
+        """Return what each side of a network adds to the commands before the sigmoid, the dominant one first.
+
+        Args:
+            network: its index; it has two sides.
+
+        Returns:
+            Contributions (B, T, n_outputs) in the last :meth:`forward`.
+        """
+        open_gates = self._arrays.gates[network, [OUTPUT_DOMINANT, OUTPUT_NON_DOMINANT]]
+        weights = open_gates * self.layout.region(self.weights[network], "combination")  # (2,)
+        output = self.layout.region(self.weights[network], "output")[:-1]  # (width, n_outputs), without the bias
+        dominant, non_dominant = self.hidden[network, :, :, -2:].unbind(2)  # (B, T, width) each
+        return weights[0] * dominant @ output, weights[1] * non_dominant @ output
+
     def backward(self, term_weights: Tensor, upstream: TrajectoryGradients | None = None) -> Tensor:
         """Return gradients of losses of the last :meth:`forward` with respect to the weights.
 

@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from bilateral_rl.analysis.modulation import Contributions, modulation_of
+from bilateral_rl.bptt.history import MEASURES, groups, history_columns
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
@@ -21,10 +23,6 @@ from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.threads import one_torch_thread
-from bilateral_rl.vocabulary import stream_names
-
-MEASURES = ("goal_completion_percent", "time_in_goal_steps", "final_error_cm")
-"""Measures of the validation trials that the history holds, named as in evaluations."""
 
 
 @dataclass
@@ -58,15 +56,14 @@ class Trainer:
         state: the state to go on from; changed at the end of every epoch.
 
     Attributes:
-        columns: what the history of a seed holds, an epoch a row: the mean loss of each stream and gradient norm of
-            each group over the epoch's updates, then loss and measures on the validation trials.
+        columns: what the history of a seed holds (:func:`~bilateral_rl.bptt.history.history_columns`).
     """
 
     def __init__(self, config: BPTTConfig, layout: Layout, state: TrainingState) -> None:
         self.config, self.layout, self.state = config, layout, state
         self.columns = history_columns(config, layout)
         self._loss = config.spec.loss
-        self._groups = _groups(layout)
+        self._groups = groups(layout)
         task, settings = make_task(config.task), config.bptt
         self._training = stacked(
             [training_trials(seed, settings.trials, task, config.trial) for seed in config.all_seeds], config.device
@@ -191,7 +188,7 @@ class Trainer:
         self.state.updates += self.updates_per_epoch
 
     def _validate(self, seeds: list[int]) -> Tensor:
-        """Return loss and ``MEASURES`` on the validation trials, (len(seeds), 1 + measures) float64."""
+        """Return what the history holds of the validation trials, (len(seeds), columns) float64."""
         config = self.config
         loss = "combined" if self._loss == "specialized" else self._loss
         losses = StreamLosses(loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
@@ -202,10 +199,18 @@ class Trainer:
         values = losses.values(rollout)[0].tolist()
         start_distances, distances = (x.cpu().numpy() for x in rollout.distances())
         rows = []
-        for value, start_distance, distance in zip(values, start_distances, distances, strict=True):
-            means = trial_measures(distance, start_distance, config.trial.threshold).means()
-            rows.append([value, *(means[name] for name in MEASURES)])
+        for i, value in enumerate(values):
+            means = trial_measures(distances[i], start_distances[i], config.trial.threshold).means()
+            rows.append([value, *(means[name] for name in MEASURES), *self._supplied(rollout, i)])
         return torch.tensor(rows, dtype=torch.float64)
+
+    def _supplied(self, rollout: Rollout, index: int) -> list[float]:
+        """Return the numbers of what each side of a network supplied in the rollout's trials, if it has sides."""
+        if self.layout.shape.sides == 1:
+            return []
+        added = Contributions(*(side.cpu().numpy() for side in rollout.contributions(index)))
+        with np.errstate(over="ignore", invalid="ignore"):  # a network may have failed
+            return list(modulation_of(added).measures().values())
 
     def _conclude_epoch(self, seeds: list[int], result: _EpochResult, validation: Tensor) -> None:
         """Write the epoch into the history, and settle which seeds failed or converged in it."""
@@ -234,18 +239,3 @@ class Trainer:
         state.waited[seed] += 1
         if int(state.waited[seed]) >= self.config.bptt.patience:
             state.seed_state[seed] = SeedState.CONVERGED
-
-
-def history_columns(config: BPTTConfig, layout: Layout) -> list[str]:
-    """Return the names of what the history of a seed holds; see :class:`Trainer`."""
-    return [
-        *(f"loss_{name}" for name in stream_names(config.spec.loss)),
-        *(f"gradient_norm_{group}" for group in _groups(layout)),
-        "validation_loss",
-        *MEASURES,
-    ]
-
-
-def _groups(layout: Layout) -> list[str]:
-    """Return the network's parameter groups, in the order of its variables."""
-    return list(dict.fromkeys(v.group for v in layout.variables))

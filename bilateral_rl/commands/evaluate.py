@@ -10,9 +10,10 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
+from bilateral_rl.analysis.modulation import SideModulation, side_modulations
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
 from bilateral_rl.commands.checks import check_trials
-from bilateral_rl.commands.training_report import measures_table
+from bilateral_rl.commands.training_report import measures_table, sides_table
 from bilateral_rl.commands.writing import apart_from, json_ready, write
 from bilateral_rl.runs.policies import load_policies, parse_run
 
@@ -50,15 +51,20 @@ def evaluate(
     evaluator = Evaluator(config.task, config.trial, trials, seed)
     policies = load_policies(folder, weights, only)
     records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
+    networks = {number: policy.motor_network for number, policy in policies.items()}
+    modulations = side_modulations(networks, records)
     head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
     try:
-        _write(records, head, config.trial.threshold, csv, json_file)
+        _write(records, modulations, head, config.trial.threshold, csv, json_file)
     finally:
         console.print(measures_table(records, config, f"{run} ({weights}), {trials} trials of seed {seed}"))
+        if modulations:
+            console.print(sides_table(modulations))
 
 
 def _write(
     records: Mapping[int, TrialRecord],
+    modulations: Mapping[int, SideModulation],
     head: Mapping[str, Any],
     threshold: float,
     csv: Path | None,
@@ -70,7 +76,10 @@ def _write(
         write(csv, pd.concat(tables).to_csv(index=False))
     if json_file is not None:
         by_seed = {seed: _by_threshold(record, threshold) for seed, record in records.items()}
-        measures = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
+        measures: dict[str, Any] = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
+        if modulations:
+            sides = {seed: modulation.measures() for seed, modulation in modulations.items()}
+            measures["sides"] = {**_mean(list(sides.values())), "by_seed": sides}
         write(json_file, json.dumps(json_ready({**head, **measures}), indent=2, allow_nan=False) + "\n")
 
 
@@ -80,7 +89,8 @@ def _by_threshold(record: TrialRecord, threshold: float) -> dict[str, dict[str, 
 
 def _means(tables: Sequence[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
     """Means over the seeds, of what is a number in any."""
-    return {
-        radius: {name: float(pd.Series([table[radius][name] for table in tables]).mean()) for name in values}
-        for radius, values in tables[0].items()
-    }
+    return {radius: _mean([table[radius] for table in tables]) for radius in tables[0]}
+
+
+def _mean(rows: Sequence[dict[str, float]]) -> dict[str, float]:
+    return {name: float(pd.Series([row[name] for row in rows]).mean()) for name in rows[0]}

@@ -11,8 +11,9 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from bilateral_rl.analysis.modulation import side_modulations
 from bilateral_rl.analysis.trials import Evaluator
-from bilateral_rl.commands.training_report import TrainingProgress, measures_table
+from bilateral_rl.commands.training_report import TrainingProgress, measures_table, sides_line
 from bilateral_rl.config import parse as settings
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
@@ -97,6 +98,9 @@ def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:
     console.print(
         measures_table(records, config, f"What {config.model} learned in {minutes}, {SUMMARY_TRIALS} new trials")
     )
+    networks = {seed: policy.motor_network for seed, policy in outcome.policies.items()}
+    if modulations := side_modulations(networks, records):
+        console.print(sides_line(modulations), highlight=False, soft_wrap=True)
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
     console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
     if config.spec.architecture != "unilateral":

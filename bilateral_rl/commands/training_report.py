@@ -12,10 +12,12 @@ from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.goals import in_centimeters
+from bilateral_rl.analysis.modulation import SideModulation
 from bilateral_rl.analysis.trials import TrialRecord, summaries
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.text import seed_range
 from bilateral_rl.training import progress
+from bilateral_rl.vocabulary import SIDES
 
 
 class TrainingProgress(progress.Progress):
@@ -114,6 +116,42 @@ def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, titl
     )
     if len(records) > 1:
         table.caption += f"; mean ± standard deviation over {len(records)} seeds"
+    return table
+
+
+def sides_line(modulations: Mapping[int, SideModulation]) -> str:
+    """Say what each side supplies to the commands: of the one seed, or mean ± standard deviation over the seeds."""
+    rows = [modulation.measures() for modulation in modulations.values()]
+    shares = [_spread(rows, f"contribution_percent_{side}", 0) for side in SIDES]
+    constants = [_spread(rows, f"contribution_constant_{side}", 2) for side in SIDES]
+    return (
+        f"Sides: dominant {shares[0]} %, non-dominant {shares[1]} % of the commands' modulation; constant parts "
+        f"{constants[0]} and {constants[1]}."
+    )
+
+
+def sides_table(modulations: Mapping[int, SideModulation]) -> Table:
+    """What each side supplies to the commands: two rows a seed, and two for all, mean ± standard deviation."""
+    title = "What each side supplies to the commands before the sigmoid"
+    table = Table("seed", "side", title=title, title_justify="left")
+    for column in ("share of modulation", "modulation", "constant part"):
+        table.add_column(column, justify="right")
+    of_seeds = {str(seed): [modulation.measures()] for seed, modulation in modulations.items()}
+    of_all = {"all": [row for rows in of_seeds.values() for row in rows]} if len(of_seeds) > 1 else {}
+    for name, rows in (of_seeds | of_all).items():
+        for side in SIDES:
+            table.add_row(
+                name if side == SIDES[0] else "",
+                side.replace("_", "-"),
+                f"{_spread(rows, f'contribution_percent_{side}', 1)} %",
+                _spread(rows, f"contribution_{side}", 2),
+                _spread(rows, f"contribution_constant_{side}", 2),
+                end_section=side == SIDES[1],
+            )
+    table.caption = (
+        "Of a side's contribution over time and trials, modulation is the standard deviation and constant part the "
+        "absolute value of the mean; both are means over the muscles."
+    )
     return table
 
 

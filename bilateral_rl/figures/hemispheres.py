@@ -3,59 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
-import torch
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.formats import fixed
+from bilateral_rl.analysis.modulation import Contributions, Floating, modulation_of, varying
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
 from bilateral_rl.figures.labels import model_label
-from bilateral_rl.figures.style import INK, ModelStyle, in_order, new_figure, set_note, set_title_and_legend, style_axes
-from bilateral_rl.policies.networks import BilateralNetwork
-
-Floating = NDArray[np.floating]
+from bilateral_rl.figures.style import (
+    INK,
+    NOTE_SIZE,
+    ModelStyle,
+    in_order,
+    new_figure,
+    set_note,
+    set_title_and_legend,
+    style_axes,
+)
 
 DOMINANT_STYLE = ModelStyle("#01665e", "o", "-")
 NON_DOMINANT_STYLE = ModelStyle("#c98a2b", "s", (0, (4, 1.5)))
 _NOTE = (
-    "Contribution: last hidden layer times combination weight, mean over its units. What varies: the same without each "
-    "unit's mean."
+    "Contribution: what a side adds to the commands before the sigmoid, mean over the muscles. What varies: the same "
+    "without each muscle's mean. In all: share of the modulation, its standard deviation over time and trials."
 )
-_ROUNDING = 1e-6
-
-
-class Contributions(NamedTuple):
-    """What each side adds to the sum before the output layer, (n, T, units / 2) in n trials of T steps."""
-
-    dominant: Floating
-    non_dominant: Floating
-
-
-def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributions:
-    """Return each side's last hidden layer times its combination weight, in trials that ``network`` did itself.
-
-    A side with a deep lesion contributes nothing.
-    """
-    weights = network.combination_weights()
-    with torch.no_grad():
-        dominant, non_dominant = (side.numpy() for side in network.hemispheres(torch.from_numpy(record.observation)))
-    lost = network.lesion.output_of
-    return Contributions(
-        dominant * weights["dominant"] * (lost != "dominant"),
-        non_dominant * weights["non_dominant"] * (lost != "non_dominant"),
-    )
 
 
 def dominant_share(sides: Contributions) -> NDArray[np.float64]:
     """(n, T) percent of what varies in the contributions that is the dominant side's; NaN where nothing varies.
 
-    Each unit's mean over all trials and steps is left out: a constant is no control, and a saturated side gives little
-    else, however large it is.
+    Each muscle's mean over all trials and steps is left out: a constant is no control, and a saturated side gives
+    little else, however large it is.
     """
-    dominant, non_dominant = (_magnitude(_varying(side)) for side in sides)
+    dominant, non_dominant = (_magnitude(varying(side)) for side in sides)
     total = dominant + non_dominant
     return 100 * np.divide(dominant, total, out=np.full_like(total, np.nan), where=total > 0)
 
@@ -63,7 +46,8 @@ def dominant_share(sides: Contributions) -> NDArray[np.float64]:
 def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, title: str) -> Figure:
     """Draw the mean absolute contribution of each hemisphere over time, a column a model.
 
-    Below stands the dominant side's share of what varies in them (:func:`dominant_share`).
+    Below stands the dominant side's share of what varies in them (:func:`dominant_share`), and in words that of the
+    modulation (:class:`~bilateral_rl.analysis.modulation.SideModulation`).
 
     Args:
         sides: contributions in the trials of one or more seeds, by model; at most four models.
@@ -78,6 +62,7 @@ def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, tit
         draw_band(above[i], time, _magnitude(sides[model].dominant), DOMINANT_STYLE, "dominant")
         draw_band(above[i], time, _magnitude(sides[model].non_dominant), NON_DOMINANT_STYLE, "non-dominant")
         draw_band(below[i], time, dominant_share(sides[model]), DOMINANT_STYLE, "dominant")
+        _write_share(below[i], modulation_of(sides[model]).percent["dominant"])
         below[i].axhline(50, color=INK, linewidth=0.8, linestyle=(0, (5, 3)))
         style_axes(above[i], y_label="Mean absolute\ncontribution (a.u.)" * (i == 0), title=model_label(model))
         style_axes(below[i], "Time (ms)", "Dominant side's share\nof what varies (%)" * (i == 0))
@@ -88,12 +73,13 @@ def hemisphere_activity(sides: Mapping[str, Contributions], timestep: float, tit
     return figure
 
 
-def _varying(contribution: Floating) -> Floating:
-    """Return contributions (n, T, units) without each unit's mean over trials and steps; rounding is taken as zero."""
-    varying = contribution - contribution.mean(axis=(0, 1), dtype=np.float64)
-    return np.where(np.abs(varying) > _ROUNDING * np.abs(contribution).max(initial=0), varying, 0.0)
+def _write_share(axes: Axes, percent: float) -> None:
+    """Write the share of the whole modulation (%) where its line does not run."""
+    height = 0.04 if percent > 25 else 0.88
+    words = f"in all {fixed(percent, 0)} %"
+    axes.text(0.5, height, words, transform=axes.transAxes, ha="center", fontsize=NOTE_SIZE, color=INK)
 
 
 def _magnitude(contribution: Floating) -> NDArray[np.float64]:
-    """Return the mean absolute value over the units: (n, T, units) to (n, T)."""
+    """Return the mean absolute value over the muscles: (n, T, 6) to (n, T)."""
     return np.asarray(np.abs(contribution).mean(axis=2, dtype=np.float64))

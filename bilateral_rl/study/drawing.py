@@ -10,11 +10,12 @@ from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.comparison import compare
 from bilateral_rl.analysis.metrics import find_metric, metric_name, preferred_metric
+from bilateral_rl.analysis.modulation import Contributions, contributions
 from bilateral_rl.analysis.results import protocol_words, protocols_in
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves
-from bilateral_rl.figures.hemispheres import Contributions, contributions, hemisphere_activity
+from bilateral_rl.figures.hemispheres import hemisphere_activity
 from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.models import model_comparison

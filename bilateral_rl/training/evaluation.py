@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import torch
 from stable_baselines3.common.logger import Figure as LoggedFigure
 from stable_baselines3.common.logger import Logger
 from torch import Tensor
 
+from bilateral_rl.analysis.modulation import TAGS, SideModulation, side_modulation
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.figures import hand_paths
+from bilateral_rl.io.csv_tables import column_names
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.training_log import TrainingLog
 from bilateral_rl.policies import MotorPolicy
@@ -29,6 +33,7 @@ class Evaluations:
     Attributes:
         log: the file.
         best_weights: ``state_dict()`` of the best policy so far; empty before the first evaluation.
+        modulation: what each side supplied in the last evaluation; None before it, or of a network without sides.
     """
 
     FIGURE_EVERY = 4
@@ -40,6 +45,7 @@ class Evaluations:
         self._evaluator = Evaluator(config.task, config.trial, evaluation.trials, evaluation.seed, config.device)
         self.log = TrainingLog(folder.path / "evaluations.csv")
         self.best_weights: Tensors = {}
+        self.modulation: SideModulation | None = None
         self._count = 0
         self._best_return = -float("inf")
 
@@ -60,6 +66,8 @@ class Evaluations:
         record = self._evaluator.run(policy)
         measures = record.summary(self._trial.threshold)
         measures["return_scalar"] = (measures["return_dominant"] + measures["return_non_dominant"]) / 2
+        self.modulation = side_modulation(policy.motor_network, record)
+        measures |= self.modulation.measures() if self.modulation else {}
         self._write(measures, record, logger, step)
         is_best = measures["return_scalar"] > self._best_return
         if is_best:
@@ -69,16 +77,28 @@ class Evaluations:
 
     def _write(self, measures: dict[str, float], record: TrialRecord, logger: Logger, step: int) -> None:
         for name, value in measures.items():
-            is_return = name.startswith("return_")  # a heading of their own puts the two streams side by side
-            tag = f"evaluation_return/{name.removeprefix('return_')}" if is_return else f"evaluation/{name}"
-            logger.record(tag, value)
+            logger.record(_tag(name), value)
         if self._count % self.FIGURE_EVERY == 0:
             figure = hand_paths(record, self._trial.threshold, sum(self._trial.arm.link_length))
             logger.record("figures/hand_paths", LoggedFigure(figure, close=True), exclude=("stdout", "csv"))
         logger.dump(step)
-        header = ",".join(["timesteps", *measures]) + "\n"
-        row = ",".join([str(step), *(f"{value:.6g}" for value in measures.values())]) + "\n"
-        self.log.append(row, header)
+        columns = self._columns(measures)
+        row = ",".join([str(step), *(f"{measures[name]:.6g}" for name in columns)]) + "\n"
+        self.log.append(row, ",".join(["timesteps", *columns]) + "\n")
+
+    def _columns(self, measures: Iterable[str]) -> list[str]:
+        """Return which measures the file holds: one that was begun by an earlier version lacks some."""
+        if not self.log.size:
+            return [*measures]
+        begun = column_names(self.log.path)
+        return [name for name in measures if name in begun]
+
+
+def _tag(name: str) -> str:
+    """Return what tensorboard calls a measure; a heading of their own puts the two sides' side by side."""
+    if name in TAGS:
+        return TAGS[name]
+    return f"evaluation_return/{name.removeprefix('return_')}" if name.startswith("return_") else f"evaluation/{name}"
 
 
 def _copy_of_weights(policy: MotorPolicy) -> dict[str, Tensor]:

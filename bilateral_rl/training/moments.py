@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from bilateral_rl.bptt.history import read_state
 from bilateral_rl.bptt.layout import Layout
-from bilateral_rl.bptt.state import TrainingState
-from bilateral_rl.bptt.trainer import history_columns
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import FINAL, RunFolder
@@ -46,8 +45,7 @@ def trained_moments(folder: RunFolder, seeds: Sequence[int], weights: str = FINA
         raise UserError(f"{folder.path} has no training state, and so no optimizer to continue: {hint}.")
     layout = Layout(build_network(config))
     try:
-        sizes = len(config.all_seeds), layout.width, len(history_columns(config, layout))
-        state = TrainingState.from_tensors(folder.load_resume(), *sizes)
+        state = read_state(folder.load_resume(), config, layout)
     except ValueError as error:
         raise UserError(f"The training state of {folder.path} is damaged: {error}; {hint}.") from None
     networks, indices = network_states(folder, weights), [config.all_seeds.index(seed) for seed in seeds]

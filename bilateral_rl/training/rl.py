@@ -22,6 +22,7 @@ from bilateral_rl.training.callbacks import LogCallback, MonitorCallback, Stoppe
 from bilateral_rl.training.evaluation import Evaluations
 from bilateral_rl.training.learner import Diverged, Learner, Moment, Watcher
 from bilateral_rl.training.lesion_probe import probe_of_run
+from bilateral_rl.training.silence import silence_notes
 from bilateral_rl.training.tracking import Tracking
 
 _EVALUATION = "evaluation"
@@ -133,6 +134,9 @@ class RLLearner(Learner):
         notes = [*self._tracking.notes] if self._tracking else []
         if self._config.evaluation.lesion_probe_every and not self._probe:
             notes.append(f"{self._config.model} has no hemispheres to lesion: there was no lesion probe.")
+        if self.finished and self._evaluations.modulation:
+            weights = self.algorithm.policy.motor_network.combination_weights()
+            notes += silence_notes(self._evaluations.modulation, weights, self._config)
         return notes
 
     def _check_finite(self, cause: Exception | None = None) -> None:

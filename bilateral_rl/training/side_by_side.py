@@ -152,7 +152,9 @@ class SideBySideLearner(Learner):
                     rows += [{"seed": seed, **row} for row in csv.DictReader(file)]
         if rows:
             text = io.StringIO()
-            writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+            # Seeds that were begun by an earlier version may lack columns.
+            columns = dict.fromkeys(name for row in rows for name in row)
+            writer = csv.DictWriter(text, list(columns), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
             folder.write_text("evaluations.csv", text.getvalue())

@@ -9,10 +9,12 @@ import torch
 from matplotlib.figure import Figure
 from torch.utils.tensorboard import SummaryWriter
 
+from bilateral_rl.analysis.modulation import TAGS, SideModulation
 from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.bptt.history import MEASURES, history_columns, read_state
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import SeedState, TrainingState
-from bilateral_rl.bptt.trainer import MEASURES, Trainer, history_columns
+from bilateral_rl.bptt.trainer import Trainer
 from bilateral_rl.config.schema import BPTTConfig, EvaluationConfig
 from bilateral_rl.figures import hand_paths
 from bilateral_rl.io import event_files
@@ -22,6 +24,8 @@ from bilateral_rl.runs.folder import BEST, FINAL, FINISHED, INTERRUPTED, RunFold
 from bilateral_rl.runs.policies import build_network, build_policy, stack_states
 from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.learner import Diverged, Learner, Moment, Watcher
+from bilateral_rl.training.silence import silence_notes
+from bilateral_rl.vocabulary import SIDES
 
 FIGURE_TRIALS = 12
 """Number of hand paths drawn at the end, for each seed."""
@@ -64,8 +68,7 @@ class SupervisedLearner(Learner):
         return self._state.tensors()
 
     def load(self, state: Tensors) -> None:
-        size = (len(self._seeds), self._layout.width, len(self._columns))
-        self._state = TrainingState.from_tensors(state, *size)
+        self._state = read_state(state, self._config, self._layout)
 
     def status(self, run_state: str) -> dict[str, Any]:
         state = self._state
@@ -114,7 +117,7 @@ class SupervisedLearner(Learner):
                 if not trainer.run_epoch(goes_on):
                     break
         if bool((self._state.seed_state == SeedState.FAILED).all()):
-            raise Diverged(" ".join([*self.notes(), "Try a smaller bptt.learning_rate."]))
+            raise Diverged(" ".join([*self._failures(), "Try a smaller bptt.learning_rate."]))
         return trainer.finished
 
     def evaluate(self) -> tuple[dict[str, float], bool]:
@@ -129,9 +132,7 @@ class SupervisedLearner(Learner):
                 values = dict(zip(self._columns, last[i].tolist(), strict=True))
                 values |= {name: float(t[i]) for name, t in combination.items() if name.startswith("combination_")}
                 self._board.write(seed, state.epoch, values)
-        # (S, columns): what each seed's last epoch brought, even if that was long ago.
-        latest = state.history[torch.arange(len(self._seeds)), (state.epochs - 1).clamp(min=0)]
-        means = dict(zip(self._columns, latest.nanmean(0).tolist(), strict=True))
+        means = dict(zip(self._columns, self._latest().nanmean(0).tolist(), strict=True))
         # The state itself keeps each seed's best weights.
         return means | {"epoch": state.epoch, "seeds_training": len(state.training())}, False
 
@@ -144,6 +145,10 @@ class SupervisedLearner(Learner):
             self._board.draw(seed, self._state.epoch, figure)
 
     def notes(self) -> list[str]:
+        return self._failures() + (self._silence() if self.finished and self._state.epoch else [])
+
+    def _failures(self) -> list[str]:
+        """Return a sentence for each seed that failed."""
         state = self._state
         return [
             f"Seed {seed} failed: its loss was no longer a number in epoch {int(state.epochs[i]) + 1}, batch "
@@ -159,6 +164,23 @@ class SupervisedLearner(Learner):
             policies[seed].motor_network.load_state_dict(network)
             policies[seed].set_training_mode(False)
         return policies
+
+    def _silence(self) -> list[str]:
+        """Return a sentence for each side of each seed that is silent."""
+        if self._layout.shape.sides == 1:
+            return []
+        sentences = []
+        combination = self._layout.region(self._state.weights, "combination")  # (S, 2)
+        for seed, weights, row in zip(self._seeds, combination.tolist(), self._latest().tolist(), strict=True):
+            modulation = SideModulation.from_measures(dict(zip(self._columns, row, strict=True)))
+            notes = silence_notes(modulation, dict(zip(SIDES, weights, strict=True)), self._config)
+            sentences += [f"Seed {seed}: {note}" if len(self._seeds) > 1 else note for note in notes]
+        return sentences
+
+    def _latest(self) -> torch.Tensor:
+        """Return what each seed's last epoch brought, even if that was long ago, (S, columns); there was one."""
+        state = self._state
+        return state.history[torch.arange(len(self._seeds)), (state.epochs - 1).clamp(min=0)]
 
     def _networks(self, rows: torch.Tensor) -> dict[int, Tensors]:
         """Return the ``state_dict()`` of each seed's network from rows of parameters, (S, width)."""
@@ -198,6 +220,8 @@ class _Tensorboard:
     def _tag(self, name: str) -> str:
         if name in MEASURES:
             return f"evaluation/{name}"
+        if name in TAGS:
+            return TAGS[name]
         for heading in self._HEADINGS:
             if name.startswith(f"{heading}_"):
                 return f"{heading}/{name.removeprefix(f'{heading}_')}"

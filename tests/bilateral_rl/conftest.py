@@ -6,9 +6,10 @@ import torch
 from rich.console import Console
 from rl_runs import small_rl
 
+from bilateral_rl.bptt.history import history_columns
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
-from bilateral_rl.bptt.trainer import Trainer, history_columns
+from bilateral_rl.bptt.trainer import Trainer
 from bilateral_rl.bptt.trials import initial_weights_seed
 from bilateral_rl.commands import app as cli
 from bilateral_rl.config.parse import merge

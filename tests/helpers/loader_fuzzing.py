@@ -24,9 +24,8 @@ from rl_runs import small_rl
 
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.results import COLUMNS, read_results
+from bilateral_rl.bptt.history import read_state
 from bilateral_rl.bptt.layout import Layout
-from bilateral_rl.bptt.state import TrainingState
-from bilateral_rl.bptt.trainer import history_columns
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import CONFIGS
 from bilateral_rl.io.errors import UserError
@@ -295,8 +294,7 @@ def _restore(run: RunFolder) -> Callable[[], object]:
     config = run.config()
     if config.algo == "bptt":
         layout = Layout(build_network(config))
-        sizes = (len(config.all_seeds), layout.width, len(history_columns(config, layout)))  # type: ignore[arg-type]
-        return lambda: TrainingState.from_tensors(run.load_resume(), *sizes)
+        return lambda: read_state(run.load_resume(), config, layout)  # type: ignore[arg-type]
     return lambda: checkpoint.restore(_algorithm(config), run.load_resume())
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 FLOORS: list[list[str]] = [
     ["vocabulary", "io", "envs", "policies", "algorithms"],
     ["config"],
-    ["runs", "bptt", "analysis"],
+    ["runs", "analysis", "bptt"],
     ["figures", "claims", "video"],
     ["training"],
     ["study", "zoo"],

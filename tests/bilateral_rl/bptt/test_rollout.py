@@ -1,12 +1,14 @@
 """The stacked rollout is the arm's step and the torch network in a loop, and its gradients are theirs."""
 
 import itertools
+from types import SimpleNamespace
 
 import pytest
 import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from bilateral_rl.analysis.modulation import contributions
 from bilateral_rl.bptt.rollout import TrajectoryGradients
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.envs import ArmParameters
@@ -136,6 +138,19 @@ def test_networks_with_each_a_lesion_of_its_own_have_torchs_trajectories_and_gra
         losses = with_upstream(weighted(TERM_WEIGHTS, path.terms), upstream, path)
         expected = torch.stack([gradient_rows(rollout.layout, networks, loss) for loss in losses])
         assert_rows_close(rollout.layout, rollout.backward(TERM_WEIGHTS, upstream), expected, rtol=1e-9)
+
+
+@each_two_sided_shape
+def test_what_each_side_contributes_is_that_of_the_torch_network(random_networks, make_rollout, set_lesions, shape):
+    lesions = lesions_of(random_networks(*shape, n=1)[0])
+    networks = random_networks(*shape, n=len(lesions))
+    rollout = make_rollout(networks, n_trials=2)
+    set_lesions(rollout, networks, lesions)
+    rollout.forward()
+    for index, network in enumerate(networks):
+        record = SimpleNamespace(observation=rollout.observation[index].numpy())
+        for own, expected in zip(rollout.contributions(index), contributions(network, record), strict=True):
+            torch.testing.assert_close(own, torch.from_numpy(expected), rtol=1e-9, atol=1e-12)
 
 
 def test_a_network_is_restored_from_its_lesion(random_networks, make_rollout, trajectories):

@@ -77,8 +77,8 @@ class InTorch:
         self.updates = 0
 
     def run(self, trials):
-        """The four terms of the losses, and the distances (n, T) to the target."""
-        state, steps, distances = self.arm.rest(trials.start), [], []
+        """The four terms of the losses, the distances (n, T) to the target, and what was seen (n, T, 16)."""
+        state, steps, distances, seen = self.arm.rest(trials.start), [], [], []
         for _ in range(self.config.trial.trial_length):
             observation = torch.cat([self.arm.proprioception(state), state.cartesian[:, :2], trials.target], dim=1)
             u = self.network.excitation(observation)
@@ -86,9 +86,10 @@ class InTorch:
             e = state.cartesian[:, :2] - trials.target
             steps.append(torch.stack([e.abs().mean(), (10 * e).square().mean() / 10, u.square().mean()]))
             distances.append(e.norm(dim=1))
+            seen.append(observation)
         squares = sum(p.square().sum() for p in self.network.parameters())
         terms = [*torch.stack(steps).mean(0), self.config.penalty_coefficient * 0.5 * squares]
-        return terms, torch.stack(distances, dim=1).detach()
+        return terms, torch.stack(distances, dim=1).detach(), torch.stack(seen, dim=1).detach()
 
     def loss(self, name, terms):
         return sum(weight * term for weight, term in zip(self.TERMS[name], terms, strict=True))
@@ -102,7 +103,7 @@ class InTorch:
         streams = ["dominant", "non_dominant"] if self.model.loss == "specialized" else [self.model.loss]
         rows = []
         for batch in order.split(size):
-            terms, _ = self.run(type(trials)(*(part[batch] for part in trials)))
+            terms, *_ = self.run(type(trials)(*(part[batch] for part in trials)))
             losses = [self.loss(stream, terms) for stream in streams]
             rows.append([*(float(loss.detach()) for loss in losses), *self.update(losses)])
         return np.mean(rows, axis=0)
@@ -131,10 +132,10 @@ class InTorch:
 
     @torch.no_grad()
     def validate(self):
-        """Loss, goal completion (%), steps in the goal, final error (cm)."""
+        """Loss, goal completion (%), steps in the goal, final error (cm), and what each side supplied."""
         config = self.config
         n = config.bptt.validation_trials
-        terms, distances = self.run(validation_trials(self.seed, n, make_task(config.task), config.trial))
+        terms, distances, seen = self.run(validation_trials(self.seed, n, make_task(config.task), config.trial))
         name = "combined" if self.model.loss == "specialized" else self.model.loss
         inside = (distances <= config.trial.threshold).tolist()
         completed = [any(all(row[i : i + 3]) for i in range(len(row) - 2)) for row in inside]
@@ -144,7 +145,17 @@ class InTorch:
             100 * np.mean(completed),
             time_in_goal,
             100 * float(distances[:, -1].mean()),
+            *(self.supplied(seen) if self.model.architecture != "unilateral" else ()),
         ]
+
+    def supplied(self, seen):
+        """Modulation, share (%) and constant part of what each side adds before the sigmoid."""
+        network = self.network
+        weights = (network.combination_dominant, network.combination_non_dominant)
+        added = [w * h @ network.output.weight.T for w, h in zip(weights, network.hemispheres(seen), strict=True)]
+        moves = [float(part.std(dim=(0, 1), unbiased=False).mean()) for part in added]
+        constant = [float(part.mean(dim=(0, 1)).abs().mean()) for part in added]
+        return [*moves, *(100 * one / sum(moves) for one in moves), *constant]
 
 
 @pytest.mark.parametrize(
@@ -166,12 +177,15 @@ def test_epochs_bring_what_plain_torch_brings(make_trainer, small_bptt, model, t
         np.testing.assert_allclose(weights[name][1], parameter.detach(), atol=3e-5, err_msg=name)
 
 
-def test_the_history_names_streams_groups_and_measures(make_trainer, small_bptt):
+def test_the_history_names_streams_groups_measures_and_sides(make_trainer, small_bptt):
     ends = ["validation_loss", "goal_completion_percent", "time_in_goal_steps", "final_error_cm"]
     assert make_trainer(small_bptt()).columns == [
         *("loss_dominant", "loss_non_dominant"),
         *("gradient_norm_dominant", "gradient_norm_non_dominant", "gradient_norm_shared"),
         *ends,
+        *("contribution_dominant", "contribution_non_dominant"),
+        *("contribution_percent_dominant", "contribution_percent_non_dominant"),
+        *("contribution_constant_dominant", "contribution_constant_non_dominant"),
     ]
     assert make_trainer(small_bptt(model="uni_dl")).columns == ["loss_dominant", "gradient_norm_shared", *ends]
     assert make_trainer(small_bptt(model="bi_ns")).columns[0] == "loss_combined"

@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 import yaml
 
+from bilateral_rl.vocabulary import SIDES
+
 SMALL = ["--timesteps", "2000", "--n-envs", "20", "--set", "ppo.batch_size=250", "--set", "evaluation.trials=8"]
 
 
@@ -18,6 +20,10 @@ def test_train_then_evaluate_then_list(call, tmp_path):
     run = "runs/hold_position/bi_s-ppo-1"
     for line in (f"bilateral-rl evaluate {run}", "tensorboard --logdir runs", "goal completion"):
         assert line in out
+    sides = re.search(
+        r"Sides: dominant (\d+) %, non-dominant (\d+) % of the commands' modulation; constant parts ", out
+    )
+    assert sides
     assert yaml.safe_load((tmp_path / run / "config.yaml").read_text())["model"] == "bi_s"
 
     code, out, err = call("evaluate", run, "--trials", 16, "--csv", "t.csv", "--json", "t.json")
@@ -28,12 +34,29 @@ def test_train_then_evaluate_then_list(call, tmp_path):
     assert printed
     assert float(printed[1]) == pytest.approx(table["by_threshold_m"]["0.05"]["goal_completion_percent"], abs=0.05)
     assert len(pd.read_csv(tmp_path / "t.csv")) == 16
+    percent = [table["sides"][f"contribution_percent_{side}"] for side in SIDES]
+    assert sum(percent) == pytest.approx(100)
+    printed = re.findall(r"dominant +│ +([\d.]+) %", out)
+    assert [float(share) for share in printed] == pytest.approx(percent, abs=0.051)
+
+    # The end of a training and `evaluate` do the same trials.
+    code, out, _ = call("evaluate", run)
+    printed = re.findall(r"dominant +│ +([\d.]+) %", out)
+    assert [float(share) for share in printed] == pytest.approx([float(share) for share in sides.groups()], abs=0.56)
 
     code, out, _ = call("list")
     assert code == 0
     for word in ("cc_ns", "random_reach", "ppo", "finished", "2,000"):
         assert word in out
     assert run in "".join(out.split())
+
+
+def test_a_network_with_one_side_is_told_of_nothing_about_sides(call, tmp_path):
+    code, out, _ = call("train", "--model", "uni_dl", *SMALL)
+    assert (code, "Sides" in out) == (0, False)
+    code, out, _ = call("evaluate", "runs/random_reach/uni_dl-ppo-1", "--trials", 4, "--json", "t.json")
+    assert (code, "side" in out) == (0, False)
+    assert "sides" not in json.loads((tmp_path / "t.json").read_text())
 
 
 def test_a_configuration_file_repeats_a_run_and_flags_win_over_it(call, tmp_path):

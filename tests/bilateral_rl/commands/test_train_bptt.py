@@ -43,6 +43,7 @@ def test_train_says_what_it_does_what_came_of_it_and_what_is_next(call, tmp_path
         assert re.search(rf"epoch +{epoch}, 2 of 2 seeds training, validation loss \d\.\d+: goal", out)
     assert percentages(out)[1] is not None
     assert "mean ± standard deviation over 2 seeds" in text
+    assert re.search(r"Sides: dominant \d+ ± \d+ %, non-dominant \d+ ± \d+ % of the commands' modulation", text)
     for line in (f"Saved in {run}", f"bilateral-rl evaluate {run}", "tensorboard --logdir runs"):
         assert line in out
     assert f"bilateral-rl train --algo ppo --model bi_s --task hold_position --init-from {run}:4 --out runs" in out
@@ -108,6 +109,18 @@ def test_evaluate_tests_every_seed_and_writes_a_row_a_trial_and_seed(call, train
         [np.mean(completion), np.std(completion, ddof=1)], abs=0.051
     )
     assert "over 3 seeds" in " ".join(out.split())
+
+
+def test_evaluate_tells_what_each_side_supplies_a_seed_and_in_all(call, trained, tmp_path):
+    _, out, _ = call("evaluate", RUN, "--trials", 16, "--json", "t.json")
+    sides = json.loads((tmp_path / "t.json").read_text())["sides"]
+    by_seed = [sides["by_seed"][str(seed)]["contribution_percent_dominant"] for seed in range(3)]
+    assert sides["contribution_percent_dominant"] == pytest.approx(np.mean(by_seed))
+    printed = re.findall(r"([0-2]|all) +│ dominant +│ +([\d.]+)(?: ± ([\d.]+))? %", out)
+    assert [name for name, *_ in printed] == ["0", "1", "2", "all"]
+    assert [float(share) for _, share, _ in printed[:3]] == pytest.approx(by_seed, abs=0.051)
+    _, mean, deviation = printed[3]
+    assert [float(mean), float(deviation)] == pytest.approx([np.mean(by_seed), np.std(by_seed, ddof=1)], abs=0.051)
 
 
 def test_evaluate_tests_one_seed_if_it_is_named(call, trained, tmp_path):

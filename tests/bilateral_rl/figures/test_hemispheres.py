@@ -1,45 +1,13 @@
 import numpy as np
-import pytest
-import torch
 
-from bilateral_rl.figures.hemispheres import Contributions, contributions, dominant_share, hemisphere_activity
-from bilateral_rl.policies import make_network
+from bilateral_rl.analysis.modulation import Contributions
+from bilateral_rl.figures.hemispheres import dominant_share, hemisphere_activity
 
 
-@pytest.fixture
-def network():
-    torch.manual_seed(0)
-    network = make_network("callosal", 16, 6)
-    with torch.no_grad():
-        network.combination_dominant.fill_(0.75)
-        network.combination_non_dominant.fill_(0.25)
-    return network
-
-
-@pytest.fixture
-def record(make_record):
-    return make_record(observation=np.random.default_rng(0).normal(size=(4, 10, 16)).astype(np.float32))
-
-
-@pytest.mark.parametrize("lesion", ["intact", "deep_dominant", "deep_non_dominant", "callosum"])
-def test_contributions_add_up_to_what_the_output_layer_receives(network, record, lesion):
-    with network.lesioned(lesion), torch.no_grad():
-        sides = contributions(network, record)
-        output = network.output(torch.from_numpy(sides.dominant + sides.non_dominant))
-        np.testing.assert_allclose(output, network(torch.from_numpy(record.observation)), atol=1e-6)
-
-
-def test_a_side_lesioned_deep_contributes_nothing(network, record):
-    with network.lesioned("deep_dominant"):
-        sides = contributions(network, record)
-    assert not sides.dominant.any()
-    assert sides.non_dominant.any()
-
-
-def sides(dominant, non_dominant, n=2, steps=4, units=4):
-    """Every unit of a side swings by the same from step to step, around a constant."""
-    swing = np.where(np.arange(steps) % 2, -1.0, 1.0)[:, None] * np.array([1, -1] * (units // 2))  # (steps, units)
-    return Contributions(*(np.broadcast_to(size * swing, (n, steps, units)) for size in (dominant, non_dominant)))
+def sides(dominant, non_dominant, n=2, steps=4, muscles=6):
+    """A side's contribution to every muscle swings by the same from step to step, around a constant."""
+    swing = np.where(np.arange(steps) % 2, -1.0, 1.0)[:, None] * np.array([1, -1] * (muscles // 2))  # (steps, muscles)
+    return Contributions(*(np.broadcast_to(size * swing, (n, steps, muscles)) for size in (dominant, non_dominant)))
 
 
 def test_the_share_is_that_of_what_varies():
@@ -66,6 +34,7 @@ def test_contributions_above_and_shares_below(assert_texts_are_apart):
     np.testing.assert_allclose(non_dominant.get_ydata(), 0.2)
     np.testing.assert_allclose(dominant.get_xdata(), [0, 10, 20, 30])
     np.testing.assert_allclose([axes.lines[0].get_ydata()[0] for axes in below], [50, 25, 50, 75])
+    assert [axes.texts[0].get_text() for axes in below] == [f"in all {percent} %" for percent in (50, 25, 50, 75)]
     assert dominant.get_linestyle() != non_dominant.get_linestyle()
     assert dominant.get_marker() != non_dominant.get_marker()
     assert below[0].get_ylabel().endswith("(%)")

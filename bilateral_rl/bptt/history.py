@@ -1,0 +1,56 @@
+"""The history of a stacked training: what it says of each seed and epoch, and how a saved one is read."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from bilateral_rl.analysis.modulation import TAGS
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.bptt.state import TrainingState
+from bilateral_rl.config.schema import BPTTConfig
+from bilateral_rl.vocabulary import stream_names
+
+MEASURES = ("goal_completion_percent", "time_in_goal_steps", "final_error_cm")
+"""Measures of the validation trials that the history holds, named as in evaluations."""
+
+
+def history_columns(config: BPTTConfig, layout: Layout) -> list[str]:
+    """Return the names of what the history of a seed holds, an epoch a row.
+
+    That is the mean loss of each stream and gradient norm of each group over the epoch's updates; then loss and
+    measures on the validation trials, and what each side supplied in them if the network has sides.
+    """
+    return [
+        *(f"loss_{name}" for name in stream_names(config.spec.loss)),
+        *(f"gradient_norm_{group}" for group in groups(layout)),
+        "validation_loss",
+        *MEASURES,
+        *_side_columns(layout),
+    ]
+
+
+def groups(layout: Layout) -> list[str]:
+    """Return the network's parameter groups, in the order of its variables."""
+    return list(dict.fromkeys(v.group for v in layout.variables))
+
+
+def read_state(tensors: dict[str, Tensor], config: BPTTConfig, layout: Layout) -> TrainingState:
+    """Return the state that a training of ``config`` saved.
+
+    Up to version 0.2.0 the history did not say what the sides supplied: there it holds NaN.
+
+    Raises:
+        ValueError: it is no such state.
+    """
+    n_columns, n_of_sides = len(history_columns(config, layout)), len(_side_columns(layout))
+    history = tensors.get("history")
+    if history is not None and history.ndim == 3 and history.shape[2] == n_columns - n_of_sides:
+        unknown = history.new_full((*history.shape[:2], n_of_sides), torch.nan)
+        tensors = tensors | {"history": torch.cat([history, unknown], dim=2)}
+    return TrainingState.from_tensors(tensors, len(config.all_seeds), layout.width, n_columns)
+
+
+def _side_columns(layout: Layout) -> tuple[str, ...]:
+    """Return the names of what the history holds about the sides, its last columns; there are none of one side."""
+    return tuple(TAGS) if layout.shape.sides == 2 else ()

@@ -1,0 +1,47 @@
+"""What a person should know if one side of a trained network has fallen silent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bilateral_rl.analysis.modulation import SideModulation
+from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.vocabulary import Side, group_penalties
+
+
+def silence_notes(modulation: SideModulation, weights: Mapping[Side, float], config: TrainConfig) -> list[str]:
+    """Return a sentence for each side that is silent: how much it supplies, why, and what may be done.
+
+    Args:
+        modulation: what the sides supply at the end.
+        weights: their combination weights, at the end.
+        config: of the training.
+    """
+    return [_note(side, modulation, weights[side], config) for side in modulation.silent]
+
+
+def _note(side: Side, modulation: SideModulation, weight: float, config: TrainConfig) -> str:
+    supplied = "it does not move the commands"
+    if modulation.modulation[side]:
+        supplied = f"it supplies {modulation.percent[side]:.1f} % of the commands' modulation"
+    why = ", as its combination weight is 0" if weight == 0 else ""
+    return (
+        f"The {side.replace('_', '-')} side is silent: {supplied}{why}. Tensorboard shows under contribution/ "
+        f"and combination/ since when{_cure(side, config)}."
+    )
+
+
+def _cure(side: Side, config: TrainConfig) -> str:
+    """Name the setting that may keep a side alive: the weight penalty, where it acts on that side."""
+    name, coefficient = _penalty(config)
+    if coefficient == 0 or group_penalties(config.spec.loss)[side] == 0:
+        return ""
+    return f"; a smaller {name} than {coefficient:g} may keep it alive"
+
+
+def _penalty(config: TrainConfig) -> tuple[str, float]:
+    """Return the name and the value of the setting that is λ."""
+    if isinstance(config, BPTTConfig):
+        return "bptt.penalty_coefficient", config.penalty_coefficient
+    assert isinstance(config, RLConfig)
+    return f"{config.algo}.weight_penalty", config.hyperparameters.weight_penalty
