@@ -17,6 +17,8 @@ from bilateral_rl.io.yaml_files import read_settings
 
 STUDY_FILE = "study.yaml"
 LOCK = ".lock"
+RUNS = "runs"
+"""The folder of a study below which its runs lie. A new study may find some that were made elsewhere."""
 _BEFORE: Values = {"first_seed": 0, "models": list(MODELS)}
 """What descriptions by earlier versions do not say, as it was then."""
 MACHINE_SETTINGS = ("threads", "device", "track")
@@ -49,7 +51,7 @@ def claimed_folder(folder: Path, study: Values) -> Iterator[None]:
 
     Raises:
         UserError: a folder that cannot be written, or not without harm to other things, or that holds another study or
-            other things, or that another process is at work in.
+            other things than runs, or that another process is at work in.
     """
     path = folder / STUDY_FILE
     with contextlib.ExitStack() as stack:
@@ -74,16 +76,20 @@ def claimed_folder(folder: Path, study: Values) -> Iterator[None]:
 def _new_file(path: Path, text: str) -> Iterator[None]:
     """A context that writes the description of a study; if the study is refused and left nothing else, it vanishes."""
     folder = path.parent
-    if any(folder.iterdir()):
+    if _entries(folder) - {RUNS}:
         raise UserError(f"{folder} is not empty and holds no study; choose another --out.")
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     try:
         yield
     except Exception:
-        if list(folder.iterdir()) == [path]:
+        if _entries(folder) - {RUNS} == {path.name}:
             path.unlink()
         raise
+
+
+def _entries(folder: Path) -> set[str]:
+    return {entry.name for entry in folder.iterdir()}
 
 
 def _check_same(path: Path, stored: Values, requested: Values) -> None:

@@ -17,10 +17,11 @@ from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.costs import table_seconds, training_seconds
 from bilateral_rl.study.fit import check_fits
+from bilateral_rl.study.folder import RUNS
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.plan import TRAIN_AND_MEASURE, Study
 from bilateral_rl.study.readings import Reading
-from bilateral_rl.study.trainings import RUNS, Table, Training, training_name
+from bilateral_rl.study.trainings import Table, Training, training_name
 
 _NONE = Protocol("none")
 

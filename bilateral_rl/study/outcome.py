@@ -13,10 +13,11 @@ from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.study.folder import RUNS
 from bilateral_rl.study.model_job import find_run
 from bilateral_rl.study.plan import is_supervised
 from bilateral_rl.study.provenance import is_stale, read_source, source_path
-from bilateral_rl.study.trainings import RUNS, Table
+from bilateral_rl.study.trainings import Table
 
 _MOST_POINTS, _MOST_VALUES = 10**5, 10**7
 """Largest number of points of a learning curve, in time and over all seeds: far more than can be seen."""

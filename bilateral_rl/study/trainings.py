@@ -13,12 +13,10 @@ from bilateral_rl.config.parse import Values, flat
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import FINISHED
-from bilateral_rl.study.folder import MACHINE_SETTINGS
+from bilateral_rl.study.folder import MACHINE_SETTINGS, RUNS
 from bilateral_rl.study.model_job import find_run
 from bilateral_rl.study.plan import is_supervised
 
-RUNS = "runs"
-"""The folder of a study below which its runs lie."""
 BASE = "base"
 """Name of the trainings by the study's own settings."""
 _LONGEST_NAME = 100

@@ -121,6 +121,17 @@ def test_a_study_of_before_models_could_be_chosen_is_of_all(tmp_path):
         pass
 
 
+def test_runs_that_were_made_elsewhere_can_lie_in_the_folder_of_a_new_study(tmp_path):
+    folder = tmp_path / "study"
+    (folder / "runs" / "seed-0").mkdir(parents=True)
+    with pytest.raises(UserError, match="no cluster"), claimed_folder(folder, values()):
+        raise UserError("There is no cluster.")
+    assert [path.name for path in folder.iterdir()] == ["runs"]
+    with claimed_folder(folder, values()):
+        assert (folder / STUDY_FILE).is_file()
+    assert (folder / "runs" / "seed-0").is_dir()
+
+
 def test_a_study_that_was_begun_stays_when_it_is_refused(tmp_path):
     logs = tmp_path / "study" / "logs"
     with pytest.raises(FileExistsError), claimed_folder(tmp_path / "study", values()):

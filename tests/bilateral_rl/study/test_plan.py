@@ -89,6 +89,12 @@ def test_specialized_models_are_probed_as_they_learn_by_reinforcement():
     assert short.configs()[0].timesteps == 250
 
 
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_training_can_be_made_elsewhere_by_what_its_configuration_says(algo):
+    for config in Study(algo=algo, seeds=1).configs():
+        assert resolve(None, None, [yaml.safe_load(yaml.safe_dump(config.to_values()))]) == config
+
+
 def test_how_often_is_probed_can_be_set():
     for every in (0, 7):
         study = Study(algo="ppo", seeds=1, overrides={"evaluation": {"lesion_probe_every": every}})
