@@ -57,7 +57,8 @@ COLUMNS = (
     "against_minutes", "against_cpu_minutes",
 )  # fmt: skip
 """Columns of the file. ``result`` is completed reaches (%), or steps of a hold within the goal; ``alone_…`` is in the
-same unit. ``minutes`` are those of the clock, ``cpu_minutes`` those that the process was at work."""
+same unit, ``share_…`` a side's part of the modulation (%). ``minutes`` are those of the clock, ``cpu_minutes`` those
+that the process was at work."""
 
 
 # --- training ---------------------------------------------------------------------------------------------------------
@@ -189,9 +190,9 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 LEGEND = f"""\
 mean, worst: completed reaches (%), or steps of 50 of a hold, within {100 * RADIUS:g} cm. ratio: minutes over those of
 the other checkout's default PPO. fall: the largest on the way, in points. Msteps90, min90: million steps and minutes to
-90 % on the evaluations' trials, of the seeds that came there. share, w: modulation and combination weight of each side
-at the end, the least of them too. alone: after a deep lesion of the other side and one epoch of everything; gain: over
-a fresh network's."""
+90 % on the evaluations' trials, of the seeds that came there. share: each side's part of the modulation at the end (%),
+least: in the worst seed. w: the smallest combination weight. alone: after a deep lesion of the other side and one epoch
+of everything; gain: over a fresh network's."""
 
 
 def shown(frame: pd.DataFrame) -> str:

@@ -6,15 +6,14 @@ import math
 from collections.abc import Sequence
 
 import pandas as pd
-import torch
 
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
+from bilateral_rl.analysis.modulation import side_modulation
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import FRESH, TRAINED
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.policies.networks import BilateralNetwork
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
@@ -42,8 +41,8 @@ def measures_of(folder: RunFolder) -> dict[str, float]:
         pd.read_csv(folder.path / "monitor.csv", comment="#"), measures["steps_to_90"]
     )
     network = policy.motor_network
-    if isinstance(network, BilateralNetwork):
-        measures |= modulation_shares(network, record)
+    if modulation := side_modulation(network, record):
+        measures |= {f"share_{side}": percent for side, percent in modulation.percent.items()}
         measures |= {f"weight_{side}": weight for side, weight in network.combination_weights().items()}
         measures |= sides_alone(folder, config)
     return measures
@@ -90,23 +89,6 @@ def minutes_at(monitor: pd.DataFrame, steps: float) -> float:
 
 
 # --- the two sides ----------------------------------------------------------------------------------------------------
-
-
-@torch.no_grad()
-def modulation_shares(network: BilateralNetwork, record: TrialRecord) -> dict[str, float]:
-    """Each side's share of what varies in the command before the sigmoid, by ``share_<side>``.
-
-    A side contributes its weight times its last layer's activity times the output layer's kernel; what varies is the
-    standard deviation over trials and steps, averaged over the six muscles.
-    """
-    activities = dict(zip(SIDES, network.hemispheres(torch.from_numpy(record.observation)), strict=True))
-    weights, kernel = network.combination_weights(), network.output.weight
-    varies = {
-        side: (weights[side] * activity @ kernel.T).std(dim=(0, 1)).mean().item()
-        for side, activity in activities.items()
-    }
-    total = sum(varies.values())
-    return {f"share_{side}": part / total if total else math.nan for side, part in varies.items()}
 
 
 def sides_alone(folder: RunFolder, config: TrainConfig) -> dict[str, float]:

@@ -94,7 +94,7 @@ def test_the_table_has_means_the_worst_seed_and_what_a_side_gained_over_a_fresh_
             file,
             learning.Case("ppo", "cc_s", "random_reach", seed, "")._asdict()
             | numbers
-            | {"result": result, "minutes": 3.0 + seed, "largest_fall": 2.0 * seed, "share_dominant": 0.5 - 0.2 * seed}
+            | {"result": result, "minutes": 3.0 + seed, "largest_fall": 2.0 * seed, "share_dominant": 50.0 - 20 * seed}
             | {"alone_dominant": 10.0 + 10 * seed, "alone_non_dominant": 30.0},
         )
     (row,) = learning.summary(learning.read(file)).to_dict("records")
@@ -109,8 +109,8 @@ def test_the_table_has_means_the_worst_seed_and_what_a_side_gained_over_a_fresh_
         "gain_n": 24,
     }
     assert {name: row[name] for name in expected} == expected
-    assert row["share_d"] == pytest.approx(0.4)
-    assert row["least_d"] == pytest.approx(0.3)
+    assert row["share_d"] == pytest.approx(40)
+    assert row["least_d"] == pytest.approx(30)
 
 
 def test_the_command_line_of_a_checkout_is_found_in_its_project_file(script):
@@ -138,4 +138,4 @@ def test_a_row_of_ours_is_whole(script, tmp_path):
     row = learning.row_of(case, tmp_path, None)
     absent = {"against_minutes", "against_cpu_minutes"}
     assert set(row) == set(learning.COLUMNS) - absent
-    assert row["share_dominant"] + row["share_non_dominant"] == pytest.approx(1)
+    assert row["share_dominant"] + row["share_non_dominant"] == pytest.approx(100)
