@@ -24,7 +24,7 @@ from bilateral_rl.study.fit import readings_for
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome
-from bilateral_rl.study.outcome import unsourced
+from bilateral_rl.study.outcome import refuse_other_settings, unsourced
 from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
 from bilateral_rl.study.readings import ANCHORS
 from bilateral_rl.study.report import counts_of
@@ -75,6 +75,7 @@ def reproduce(
     grid = Grid(study, chosen, threads)
     folder = out or Path("runs") / study.name
     with claimed_folder(folder, study.to_values()):
+        refuse_other_settings(folder, grid.all_tables)
         if left_out:
             because = f"they ask for what --algo {algo} and --profile {profile} leave no room for"
             names = ", ".join(left_out)

@@ -81,8 +81,18 @@ def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
     It is told by its settings: another run of the same model, which somebody trained on, may lie beside it.
     """
     folders = runs.glob(f"**/{config.task}/{config.model}-{config.algo}-*/config.yaml")
-    matching = (run for path in sorted(folders) if _same(run := RunFolder(path.parent), config))
+    matching = (run for path in sorted(folders) if is_run_of(run := RunFolder(path.parent), config))
     return next(matching, None)
+
+
+def is_run_of(run: RunFolder, config: TrainConfig) -> bool:
+    """Whether a run was made by these settings, for whatever machine; not if its configuration is damaged."""
+    try:
+        stored = run.config().to_values()
+    except UserError:
+        return False
+    requested = config.to_values()
+    return all(stored.get(name) == requested[name] for name in requested if name not in MACHINE_SETTINGS)
 
 
 def _trained_run(runs: Path, known: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:
@@ -107,15 +117,6 @@ def _finished(outcome: Outcome) -> RunFolder:
     if outcome.interrupted:
         raise KeyboardInterrupt
     return outcome.folder
-
-
-def _same(run: RunFolder, config: TrainConfig) -> bool:
-    try:
-        stored = run.config().to_values()
-    except UserError:  # damaged: not the one
-        return False
-    requested = config.to_values()
-    return all(stored.get(name) == requested[name] for name in requested if name not in MACHINE_SETTINGS)
 
 
 class _Watch(Progress):

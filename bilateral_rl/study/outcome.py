@@ -14,7 +14,7 @@ from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.study.folder import RUNS
-from bilateral_rl.study.model_job import find_run
+from bilateral_rl.study.model_job import find_run, is_run_of
 from bilateral_rl.study.plan import is_supervised
 from bilateral_rl.study.provenance import is_stale, read_source, source_path
 from bilateral_rl.study.trainings import Table
@@ -37,6 +37,27 @@ def read_result(path: Path) -> pd.DataFrame:
     except UserError as error:
         raise UserError(f"{str(error).rstrip('.')}; remove it and call the command again.") from None
     return table
+
+
+def refuse_other_settings(folder: Path, tables: Iterable[Table]) -> None:
+    """Refuse to go on with a study whose trainings had other settings, as defaults change from version to version.
+
+    Args:
+        folder: of the study.
+        tables: those that it has or will have; of those that do not say which run they are of, nobody knows.
+
+    Raises:
+        UserError: a table that is there is of a run by other settings than those of its training.
+    """
+    for table in tables:
+        path = folder / table.path
+        source = read_source(path) if path.is_file() else {}
+        run_path = source_path(source, path.parent)
+        if run_path is not None and run_path.is_dir() and not is_run_of(RunFolder(run_path), table.training.config):
+            raise UserError(
+                f"{path} is of {run_path}, which version {source.get('version', '0.1.0')} made by other settings than "
+                "this study would now; choose another --out, or go on with that version."
+            )
 
 
 def unsourced(results_paths: Iterable[Path]) -> list[Path]:

@@ -1,3 +1,5 @@
+import dataclasses
+import json
 import shutil
 
 import pandas as pd
@@ -9,7 +11,7 @@ from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.study.grid import Grid
-from bilateral_rl.study.outcome import StudyResults, learning_history, runs_of, unsourced
+from bilateral_rl.study.outcome import StudyResults, learning_history, refuse_other_settings, runs_of, unsourced
 from bilateral_rl.study.plan import Study
 from bilateral_rl.study.provenance import describe_source
 from bilateral_rl.study.readings import load_readings
@@ -71,6 +73,20 @@ def test_a_damaged_file_of_results_is_refused_with_what_to_do(tmp_path):
         with pytest.raises(UserError, match=r"; remove it and call the command again\.$") as error:
             results_of(tmp_path, TABLES)
         assert str(path) in str(error.value)
+
+
+def test_results_of_a_run_by_other_settings_are_refused(tmp_path, bptt_run):
+    config = bptt_run.config()
+    path = write(tmp_path, table_of(config), 1.0)
+    other = table_of(dataclasses.replace(config, bptt=dataclasses.replace(config.bptt, learning_rate=0.5)))
+    refuse_other_settings(tmp_path, [table_of(config), other])  # it does not say what it is of
+    path.with_suffix(".json").write_text(json.dumps(describe_source(bptt_run, "final", path.parent)))
+    on_another_machine = table_of(dataclasses.replace(config, threads=7))
+    refuse_other_settings(tmp_path, [table_of(config), on_another_machine])
+    with pytest.raises(UserError, match=r"made by other settings than this study would now; choose another --out"):
+        refuse_other_settings(tmp_path, [other])
+    shutil.rmtree(bptt_run.path)
+    refuse_other_settings(tmp_path, [other])
 
 
 def test_runs_are_those_whose_results_are_there(tmp_path, bptt_run):
