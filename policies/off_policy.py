@@ -216,17 +216,13 @@ class BilateralOffPolicyPolicy(MotorPolicy):
             critics: the policy's or their targets.
             obs: (b, n_observed).
             actions: (b, n_actions).
-            traces: (b, traces_dim) of the actions before.
+            traces: (b, traces_dim) of the actions before; None for critics that see none.
 
         Returns:
             (b, n_streams, n_critics).
         """
         values = torch.cat(critics(obs, actions, traces), dim=1)  # (b, n_streams · n_critics), stream by stream
         return values.reshape(len(values), self.n_streams, self.n_critics)
-
-    def first_values(self, obs: Tensor, actions: Tensor, traces: Tensor | None = None) -> Tensor:
-        """Return the value that the first critic of each stream gives to ``actions`` (b, n_actions), (b, n_streams)."""
-        return self.critic.first_values(obs, actions, self.n_critics, traces)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()

@@ -48,12 +48,28 @@ class StreamCritics(ContinuousCritic):
         inputs = torch.cat([self.inputs(obs, traces), actions], dim=1)
         return tuple(network(inputs) for network in self.q_networks)
 
-    def first_values(self, obs: Tensor, actions: Tensor, n_critics: int, traces: Tensor | None = None) -> Tensor:
-        """Return the value (b, n_streams) of the first of every ``n_critics`` critics."""
+    def values_by_stream(
+        self, obs: Tensor, actions: Tensor, traces: Tensor | None, n_critics: int, n_first: int
+    ) -> Tensor:
+        """Return the values of actions that are each stream's own tensor, so that one pass gives each its gradient.
+
+        Args:
+            obs: (b, n_observed).
+            actions: (n_streams, b, n_actions), in [-1, 1].
+            traces: (b, traces_dim).
+            n_critics: critics of a stream.
+            n_first: how many of those are asked, from the first on.
+
+        Returns:
+            (b, n_streams, n_first).
+        """
         with torch.no_grad():  # as in SB3: what the actor's features extractor learns comes through the action
-            inputs = self.inputs(obs, traces)
-        inputs = torch.cat([inputs, actions], dim=1)
-        return torch.cat([network(inputs) for network in self.q_networks[::n_critics]], dim=1)
+            common = self.inputs(obs, traces)
+        values = []
+        for stream, action in enumerate(actions):
+            inputs, first = torch.cat([common, action], dim=1), stream * n_critics
+            values.append(torch.cat([network(inputs) for network in self.q_networks[first : first + n_first]], dim=1))
+        return torch.stack(values, dim=1)
 
     def inputs(self, obs: Tensor, traces: Tensor | None) -> Tensor:
         """Return what the critics see besides the action, (b, features_dim + traces_dim)."""

@@ -184,15 +184,9 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         """
         # The critics lead no further than to the action, so that each stream's gradient ∂Q_s/∂a is taken once; the
         # routing then goes through the network alone: ∂Q_s/∂θ = ∂Q_s/∂a · ∂a/∂θ.
-        leaf = actions.detach().requires_grad_()
+        leaf = actions.detach().repeat(self.policy.n_streams, 1, 1).requires_grad_()  # (n_streams, b, n_actions)
         values = self._actor_values(batch, leaf)  # (b, n_streams)
-        n_streams = values.shape[1]
-        gradients = torch.stack(
-            [
-                torch.autograd.grad(values[:, stream].sum(), leaf, retain_graph=stream + 1 < n_streams)[0]
-                for stream in range(n_streams)
-            ]
-        )  # (n_streams, b, n_actions)
+        (gradients,) = torch.autograd.grad(values.sum(), leaf)
         entropy = values.new_zeros(()) if entropy_loss is None else entropy_loss
         log["actor_loss"].append(entropy.detach() - values.detach().mean(dim=0))
         losses = entropy - (gradients * actions).sum(dim=2).mean(dim=1)
@@ -204,12 +198,16 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         return losses / scale
 
     def _actor_values(self, batch: StreamSamples, actions: Tensor) -> Tensor:
-        """Return the value of ``actions`` that the network follows, (b, n_streams)."""
-        policy = self.policy
-        if self.actor_value == "first":
-            return policy.first_values(batch.observations, actions, batch.traces)
-        values = policy.stream_values(policy.critic, batch.observations, actions, batch.traces)
-        return values.mean(dim=2) if self.actor_value == "mean" else values.amin(dim=2)
+        """Return the value that the network follows of each stream's ``actions``, (b, n_streams).
+
+        Args:
+            batch: a batch of steps.
+            actions: (n_streams, b, n_actions), the same ones in a tensor for each stream.
+        """
+        n_critics = self.policy.n_critics
+        n_first = 1 if self.actor_value == "first" else n_critics
+        values = self.policy.critic.values_by_stream(batch.observations, actions, batch.traces, n_critics, n_first)
+        return values.amin(dim=2) if self.actor_value == "min" else values.mean(dim=2)
 
     def _update_network(self, losses: Tensor, others: Sequence[torch.optim.Optimizer] = ()) -> None:
         """Move the network, and what ``others`` optimize, one step along the losses' (n_streams,) routed gradients."""

@@ -71,9 +71,12 @@ def test_each_streams_critics_stand_together(kind, n_streams, n_critics):
     actions = torch.tanh(torch.randn(32, 6))
     with torch.no_grad():
         values = torch.cat(policy.critic(obs, actions), dim=1)
-        first = policy.first_values(obs, actions)
+        by_stream = actions.repeat(n_streams, 1, 1)
+        first, every = (policy.critic.values_by_stream(obs, by_stream, None, n_critics, n) for n in (1, n_critics))
     assert values.shape == (32, n_streams * n_critics)
-    assert torch.equal(first, values[:, ::n_critics])
+    torch.testing.assert_close(first[..., 0], values[:, ::n_critics])
+    torch.testing.assert_close(every, policy.stream_values(policy.critic, obs, actions))
+    torch.testing.assert_close(every.flatten(1), values)
     for stream in range(n_streams):
         names = {f"qf{stream * n_critics + k}" for k in range(n_critics)}
         owned = {id(p) for p in policy.parameter_groups()[f"critic_{stream}"]}
