@@ -18,10 +18,15 @@ Values = dict[str, Any]
 Sampler = Callable[[optuna.Trial, int, int, Values], Values]
 
 
+_TRACES = {"none": [], "short": [0.5], "short and long": [0.5, 0.8]}
+"""Decays of action traces by what a search calls them."""
+
+
 def _every_algorithm(trial: optuna.Trial) -> None:
     trial.suggest_float("learning_rate", 1e-4, 3e-2, log=True)
     trial.suggest_float("one_minus_gamma", 0.003, 0.1, log=True)
     trial.suggest_float("reward_scale", 0.1, 10.0, log=True)
+    trial.suggest_categorical("action_traces", list(_TRACES))
 
 
 def _on_policy(trial: optuna.Trial) -> None:
@@ -38,6 +43,9 @@ def _off_policy(trial: optuna.Trial) -> None:
     trial.suggest_float("tau", 0.001, 0.08, log=True)
     trial.suggest_categorical("train_freq", [1, 2, 5, 10])
     trial.suggest_categorical("gradient_steps", [1, 2, 5, 10])
+    trial.suggest_categorical("standardize_inputs", [False, True])
+    trial.suggest_categorical("actor_value", ["min", "mean", "first"])
+    trial.suggest_categorical("normalize_streams", [False, True])
 
 
 def _ppo(trial: optuna.Trial) -> None:
@@ -77,6 +85,7 @@ def _hyperparameters(params: Values) -> Values:
     """A trial's parameters in rl_zoo3's form."""
     values = dict(params)
     values["gamma"] = 1 - values.pop("one_minus_gamma")
+    values["action_traces"] = list(_TRACES[values["action_traces"]])
     if "noise_std" in values:
         values["noise_type"] = "normal"
     return values

@@ -1,4 +1,5 @@
 import dataclasses
+import importlib
 import importlib.resources
 import itertools
 import json
@@ -338,3 +339,18 @@ def test_a_run_of_version_0_1_0_has_one_seed():
     values = resolve("a2c", None).to_values()
     del values["seeds"]
     assert resolve(None, None, [values]) == resolve("a2c", None)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_setting_that_a_runs_version_had_not_stays_off(algo, monkeypatch):
+    """Whatever is tuned for new trainings: the run was made without it."""
+    if algo == "bptt":
+        return
+    values = resolve(algo, None).to_values()
+    del values[algo]["action_traces"]
+    tuned = {algo: {"any_task": {algo: {"action_traces": [0.5]}}}}
+    monkeypatch.setattr(importlib.import_module("bilateral_rl.config.resolve"), "_defaults_table", lambda: tuned)
+    assert resolve(algo, None).hyperparameters.action_traces == (0.5,)
+    assert resolve(None, None, [values]).hyperparameters.action_traces == ()
+    assert resolve(None, None, [values, {"seed": 3}]).hyperparameters.action_traces == ()
+    assert resolve(algo, "hold_position", [values]).hyperparameters.action_traces == (0.5,)

@@ -60,6 +60,36 @@ def test_a_restored_training_has_the_same_state_and_goes_on_to_the_same_bits(alg
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_restored_training_goes_on_with_its_traces_in_the_middle_of_a_trial(algo):
+    of_critics = {"action_traces": [0.5, 0.8]}
+    if algo in ("sac", "td3"):
+        of_critics |= {"standardize_inputs": True, "normalize_streams": True, "actor_value": "mean"}
+        of_critics |= {"buffer_size": None}
+    values = {algo: of_critics, "trial": {"trial_length": 17}}
+    algorithm = built(algo, **values)
+    algorithm.learn(STEPS, log_interval=None)
+    state = saved(algorithm)
+    assert state["environment.clock"].all()
+    assert state["last.traces"].any()
+    assert ("weights.stream_scale.mean_square" in state) == ("weights.policy.critic.input_mean" in state)
+    algorithm.learn(STEPS, log_interval=None, reset_num_timesteps=False)
+    after = saved(algorithm)
+    twin = built(algo, **values, seed=5)
+    restore(twin, state)
+    assert differing(saved(twin), state) == []
+    twin.learn(STEPS, log_interval=None, reset_num_timesteps=False)
+    assert differing(saved(twin), after) == []
+
+
+@pytest.mark.parametrize("algo", ["sac", "td3"])
+def test_a_buffer_of_the_whole_training_is_never_full(algo):
+    algorithm = built(algo, **{algo: {"buffer_size": None, "gradient_steps": 1}})
+    algorithm.learn(1_600, log_interval=None)
+    buffer = algorithm.replay_buffer
+    assert (buffer.full, buffer.pos, buffer.buffer_size) == (False, 200, 201)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
 def test_every_number_that_changes_while_learning_is_in_the_state(algo, states):
     """Of the model's tensors and optimizers, the buffer, the counters and the random streams."""
     names = set(states[algo])
