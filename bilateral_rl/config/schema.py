@@ -116,6 +116,11 @@ class TrainConfig(ABC):
         """What the training is about to do with each network, in words."""
 
     @property
+    @abstractmethod
+    def penalty_coefficient(self) -> float:
+        """λ of the weight penalty (paper section 4)."""
+
+    @property
     def all_seeds(self) -> list[int]:
         """Seeds of the networks that the run trains."""
         return [self.seed + i for i in range(self.seeds)]
@@ -166,6 +171,10 @@ class RLConfig(TrainConfig):
     @property
     def plan(self) -> str:
         return f"{self.timesteps:,} steps over {self.n_envs} arms"
+
+    @property
+    def penalty_coefficient(self) -> float:
+        return self.hyperparameters.weight_penalty
 
     @property
     def hyperparameters(self) -> StreamHyperparameters:

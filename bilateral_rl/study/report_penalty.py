@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import task_label
 from bilateral_rl.study.report_table import ReportTable
 
@@ -30,14 +30,7 @@ def penalty_in_words(configs: Sequence[TrainConfig]) -> str:
 
 def _by_task(configs: Sequence[TrainConfig]) -> dict[str, tuple[float, float]]:
     """λ of a study's trainings and of `train`, by task."""
-    return {config.task: (_penalty(config), _penalty(resolve(config.algo, config.task))) for config in configs}
-
-
-def _penalty(config: TrainConfig) -> float:
-    if isinstance(config, BPTTConfig):
-        return config.penalty_coefficient
-    assert isinstance(config, RLConfig)
-    return config.hyperparameters.weight_penalty
+    return {c.task: (c.penalty_coefficient, resolve(c.algo, c.task).penalty_coefficient) for c in configs}
 
 
 def _words(penalties: dict[str, float]) -> str:

@@ -23,6 +23,7 @@ from bilateral_rl.study.readings import Reading
 from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.report_penalty import penalty_table
 from bilateral_rl.study.report_table import ReportTable
+from bilateral_rl.study.sides_table import sides_tables
 from bilateral_rl.study.tables import study_tables
 from bilateral_rl.study.trainings import Table
 
@@ -30,7 +31,7 @@ REPORT, RESULTS, CLAIMS, ANSWER, POWER = "report.html", "results.csv", "claims.c
 
 _FIRST_WORDS = (
     *("curve", "deep_minus_shallow", "hemispheres", "learning", "lesions", "models", "muscles", "pairs", "paths"),
-    *("penalty", "posthoc", "seeds", "specialization", "speed", "tests"),
+    *("penalty", "posthoc", "seeds", "sides", "specialization", "speed", "tests"),
 )
 """How the names of a study's figures and tables begin."""
 _SUFFIXES = (".csv", ".pdf", ".png")
@@ -63,10 +64,10 @@ def conclude(
     shown, radii = _shown(grid), grid.readings[0].criteria.radii
     results = read.of(shown)
     configs = list(dict.fromkeys(table.training.config for table in shown))
-    tables = [seeds_table(answer), penalty_table(configs), *study_tables(results, radii)]
+    runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in JUDGED_RADII}
+    tables = [seeds_table(answer), penalty_table(configs), *study_tables(results, radii), *sides_tables(runs)]
     _write(read.named(grid.all_tables), answer, tables, folder)
     say("drawing the figures")
-    runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in JUDGED_RADII}
     pictures = [
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
         for drawing in (*draw_answer(answer), *draw_study(results, radii, runs))
