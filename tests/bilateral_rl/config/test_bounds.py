@@ -90,8 +90,8 @@ def smallest(algo, path, arms):
     values = {"trial": {"trial_length": 1}, "network": {"units": 2, "layers": 1}}
     if algo == "bptt":
         return values | {"bptt": {"trials": 10**6} if path[-1] == "batch_size" else {"batch_size": 1}}
-    steps = {algo: {"n_steps": 2}} if algo in ("ppo", "a2c") else {}
-    return values | steps | {"n_envs": arms, "evaluation": {"trials": 1}}
+    kept = {"action_traces": []} | ({"n_steps": 2} if algo in ("ppo", "a2c") else {})
+    return values | {algo: kept, "n_envs": arms, "evaluation": {"trials": 1}}
 
 
 def test_no_refusal_advises_what_is_refused_in_turn():
