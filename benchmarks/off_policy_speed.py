@@ -17,7 +17,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import SACConfig
 from bilateral_rl.envs import ArmVecEnv
-from bilateral_rl.training.build import build_algorithm
+from bilateral_rl.training.build import algorithm_arguments, build_algorithm
 
 
 def ours(config: SACConfig) -> OffPolicyAlgorithm:
@@ -30,6 +30,7 @@ def ours(config: SACConfig) -> OffPolicyAlgorithm:
 def stock(config: SACConfig) -> OffPolicyAlgorithm:
     """Stock SAC with the same arms, batches, updates and critic sizes."""
     given = config.sac
+    buffer_size = algorithm_arguments(config)["buffer_size"]
     return SAC(
         "MlpPolicy",
         ArmVecEnv(config.n_envs, config.task, seed=0),
@@ -37,7 +38,7 @@ def stock(config: SACConfig) -> OffPolicyAlgorithm:
         batch_size=given.batch_size,
         train_freq=given.train_freq,
         gradient_steps=given.gradient_steps,
-        buffer_size=given.buffer_size,
+        buffer_size=buffer_size,
         policy_kwargs={"net_arch": {"pi": [10, 10], "qf": list(config.network.critic_arch)}},
         device="cpu",
     )

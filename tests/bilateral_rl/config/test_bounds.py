@@ -51,6 +51,7 @@ def test_what_would_fill_the_memory_is_refused_by_its_name():
         ("ppo", {"threads": 10**6}, "threads"),
         ("bptt", {"threads": 10**4}, "threads"),
         ("sac", {"sac": {"buffer_size": 10**9}}, "sac.buffer_size"),
+        ("sac", {"sac": {"buffer_size": None}, "timesteps": 10**8}, "sac.buffer_size null, which keeps all timesteps"),
         ("bptt", {"seeds": 1000, "bptt": {"batch_size": 6400}}, "bptt.batch_size, seeds, trial and network"),
         ("bptt", {"seeds": 1000, "bptt": {"validation_trials": 10_000}}, "bptt.validation_trials, seeds"),
         ("bptt", {"seeds": 1000, "bptt": {"trials": 640_000}}, "bptt.trials and seeds"),
@@ -90,7 +91,7 @@ def smallest(algo, path, arms):
     values = {"trial": {"trial_length": 1}, "network": {"units": 2, "layers": 1}}
     if algo == "bptt":
         return values | {"bptt": {"trials": 10**6} if path[-1] == "batch_size" else {"batch_size": 1}}
-    kept = {"action_traces": []} | ({"n_steps": 2} if algo in ("ppo", "a2c") else {})
+    kept = {"action_traces": []} | ({"n_steps": 2} if algo in ("ppo", "a2c") else {"buffer_size": 1})
     return values | {algo: kept, "n_envs": arms, "evaluation": {"trials": 1}}
 
 
