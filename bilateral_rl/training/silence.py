@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bilateral_rl.analysis.modulation import SideModulation
-from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.vocabulary import Side, group_penalties
 
 
@@ -41,7 +41,5 @@ def _cure(side: Side, config: TrainConfig) -> str:
 
 def _penalty(config: TrainConfig) -> tuple[str, float]:
     """Return the name and the value of the setting that is λ."""
-    if isinstance(config, BPTTConfig):
-        return "bptt.penalty_coefficient", config.penalty_coefficient
-    assert isinstance(config, RLConfig)
-    return f"{config.algo}.weight_penalty", config.hyperparameters.weight_penalty
+    name = "penalty_coefficient" if isinstance(config, BPTTConfig) else "weight_penalty"
+    return f"{config.algo}.{name}", config.penalty_coefficient
