@@ -21,6 +21,12 @@ from torch import Tensor, nn
 from bilateral_rl.io.tensors import DTYPES, Tensors
 from bilateral_rl.training.random_states import random_states, set_random_states
 
+UPDATE_RULES = 2
+"""Counts the changes to what updates do by the same settings: a training goes on to the same bits only by its own.
+
+1, which states do not name: versions 0.1.0 and 0.2.0. 2: the weight penalty is scaled as the loss that it is a term of.
+"""
+_RULES = "counter.update_rules"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _MOMENTS: dict[type[torch.optim.Optimizer], tuple[torch.dtype, set[str]]] = {
     torch.optim.Adam: (torch.float32, {"exp_avg", "exp_avg_sq"}),
@@ -35,6 +41,12 @@ def state_tensors(algorithm: BaseAlgorithm) -> Tensors:
     The algorithm's environment must have ``state_arrays``, as :class:`~bilateral_rl.envs.ArmVecEnv` has.
     """
     return join({part: read(algorithm) for part, (read, _) in _PARTS.items()})
+
+
+def goes_by_other_rules(tensors: Mapping[str, Tensor]) -> bool:
+    """Whether the state is that of a version whose updates do something else by the same settings."""
+    rules = tensors.get(_RULES, torch.tensor(1))
+    return rules.numel() == 1 and int(rules) != UPDATE_RULES
 
 
 def restore(algorithm: BaseAlgorithm, tensors: Mapping[str, Tensor]) -> None:
@@ -96,7 +108,8 @@ def fill(part: str, present: Mapping[str, Tensor], stored: Mapping[str, Tensor])
 
 
 def _counters(algorithm: BaseAlgorithm) -> Tensors:
-    return {name: torch.tensor(getattr(algorithm, name)) for name in _COUNTERS}
+    rules = {_RULES.removeprefix("counter."): torch.tensor(UPDATE_RULES)}
+    return rules | {name: torch.tensor(getattr(algorithm, name)) for name in _COUNTERS}
 
 
 def _set_counters(algorithm: BaseAlgorithm, stored: Tensors) -> None:
@@ -104,8 +117,8 @@ def _set_counters(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     fill("counter", counters, stored)
     if min(counters.values()) < 0:
         raise ValueError("its counters are negative")
-    for name, value in counters.items():
-        setattr(algorithm, name, int(value))
+    for name in _COUNTERS:
+        setattr(algorithm, name, int(counters[name]))
 
 
 # --- weights and optimizers -----------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.io import event_files
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.policies import MotorPolicy
@@ -70,6 +71,12 @@ class RLLearner(Learner):
         return checkpoint.state_tensors(self.algorithm) | evaluations
 
     def load(self, state: Tensors) -> None:
+        if checkpoint.goes_by_other_rules(state):
+            path = self._folder.path
+            raise UserError(
+                f"{path} was trained by an earlier version, whose updates weighed the penalty otherwise; begin a new "
+                f"training with its network: `bilateral-rl train --init-from {path}` and the same settings."
+            )
         checkpoint.check(state)
         parts = checkpoint.split(state)
         self._evaluations.restore(parts.pop(_EVALUATION, {}), self.algorithm.policy)

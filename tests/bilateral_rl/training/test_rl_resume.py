@@ -9,6 +9,7 @@ from processes import is_saving, started, wait_until
 from rl_runs import ALGORITHMS, curves, differences, evaluations, small_rl
 from supervised_runs import Watch, with_values
 
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.run import resume, train
 
@@ -74,6 +75,18 @@ def test_what_was_logged_after_the_saved_state_is_logged_once(tmp_path, whole_ru
     shown, expected = curves(folder), curves(whole_run("ppo"))
     del shown["time/fps"], expected["time/fps"]
     assert shown == expected
+
+
+def test_a_training_by_the_updates_of_an_earlier_version_is_refused_and_stays(tmp_path):
+    config = small_rl("ppo")
+    folder = train(config, tmp_path, Watch(stop_at=300)).folder
+    state = folder.load_resume()
+    del state["counter.update_rules"]  # as version 0.2.0 wrote it
+    folder.save_resume(state)
+    before = {path: path.read_bytes() for path in folder.path.rglob("*") if path.is_file()}
+    with pytest.raises(UserError, match=r"was trained by an earlier version.*--init-from"):
+        resume(folder, config)
+    assert {path: path.read_bytes() for path in folder.path.rglob("*") if path.is_file()} == before
 
 
 class _LeavesAtOnce(Watch):
