@@ -24,7 +24,7 @@ from bilateral_rl.study.answer import Answer
 from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, unjudged_in_words
 from bilateral_rl.study.calibration import CALIBRATED_FOR
 from bilateral_rl.study.jobs import JobOutcome, JobState
-from bilateral_rl.study.plan import Study
+from bilateral_rl.study.plan import Study, is_supervised
 from bilateral_rl.study.planning import demand_in_words
 from bilateral_rl.study.report_answer import answer_values
 from bilateral_rl.study.report_penalty import penalty_in_words
@@ -195,9 +195,12 @@ def _jobs_summary(outcomes: Sequence[JobOutcome]) -> str:
 def _setup(findings: Findings) -> str:
     sentences = ["Every setting of every training is in config.yaml of its run, below the folder runs."]
     if findings.study.is_calibrated:
+        supervised = is_supervised(findings.study.algo)
+        what = "the kind and strength of the weight penalty and the radii of the goals"
+        by_each = "the strength of the weight penalty by this algorithm, its kind and the radii of the goals by bptt"
         sentences.append(
-            "What the paper leaves open, the kind and strength of the weight penalty and the radii of the goals, was "
-            "chosen for C1 to C3 on the unilateral models and then kept; C4 to C14 are tests of that choice."
+            f"What the paper leaves open, {what if supervised else by_each}, was chosen for C1 to C3 on the unilateral "
+            "models and then kept; C4 to C14 are tests of that choice."
         )
     return " ".join([*sentences, penalty_in_words(findings.configs)])
 

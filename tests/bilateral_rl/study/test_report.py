@@ -18,6 +18,7 @@ from bilateral_rl.analysis.power import Design, Spread
 from bilateral_rl.claims import Aside, Claim, Component, Judgement, margins
 from bilateral_rl.runs.folder import versions
 from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, opening, turns_in_words
+from bilateral_rl.study.calibration import CALIBRATED
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study
@@ -350,12 +351,15 @@ def test_configuration_and_versions_are_exact(page):
     assert json.loads(blocks["Versions"]) == versions()
 
 
-def test_what_was_calibrated_is_said_where_it_was(page):
+def test_what_was_calibrated_is_said_where_it_was(page, monkeypatch):
     words = "C4 to C14 are tests of that choice"
     assert words in page(Study(seeds=2)).text("p")
     assert words not in page(Study(seeds=2, profile="released")).text("p")
     assert "profile released, 2 seeds each" in page(Study(seeds=2, profile="released")).text("p")
     assert "profile" not in page(Study(algo="ppo", seeds=2)).text("p", class_="faint").splitlines()[0]
+    assert "radii of the goals, was chosen" in page(Study(seeds=2)).text("p")
+    monkeypatch.setitem(CALIBRATED, "sac", {"random_reach": 0.1, "hold_position": 0.2})
+    assert "its kind and the radii of the goals by bptt, was chosen" in page(Study(algo="sac", seeds=2)).text("p")
 
 
 def test_radii_are_those_of_tables_and_figures_and_a_reading_names_them(page):
