@@ -6,6 +6,7 @@ from bilateral_rl.config.parse import Values
 
 CALIBRATED: dict[str, dict[str, float]] = {
     "bptt": {"random_reach": 1e-3, "hold_position": 3e-5},
+    "ppo": {"random_reach": 1e-3, "hold_position": 3e-4},
 }
 """λ by algorithm and task, where it was calibrated. ``docs/paper.md`` has the grids that these were chosen from; the
 kind of penalty and the radii of the goals were chosen with those of ``bptt``. C4 to C14 are tests of what was chosen.
