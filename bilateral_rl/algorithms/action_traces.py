@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,7 @@ class ActionTraces:
     n_actions: int
 
     def __init__(self, decays: Sequence[float], n_actions: int) -> None:
-        if wrong := [decay for decay in decays if not 0 <= decay < 1]:
-            raise ValueError(f"the decays of action_traces must be at least 0 and less than 1, got {wrong[0]}.")
-        object.__setattr__(self, "decays", tuple(float(decay) for decay in decays))
+        object.__setattr__(self, "decays", checked_decays(decays))
         object.__setattr__(self, "n_actions", n_actions)
 
     @property
@@ -60,3 +59,17 @@ class ActionTraces:
         new[:, 0, :-1] = actions
         old = traces.reshape(n, len(self.decays), self.n_actions + 1)
         return (decays * old + (1 - decays) * new).reshape(n, self.size)
+
+
+def checked_decays(decays: object) -> tuple[float, ...]:
+    """Return the decays of traces as numbers.
+
+    Raises:
+        ValueError: what is no sequence, or a decay that is not in [0, 1).
+    """
+    if isinstance(decays, str) or not isinstance(decays, Iterable):
+        raise ValueError(f"action_traces must be a sequence of decays, such as (0.5, 0.8), not {decays!r}.")
+    values = list(decays)
+    if wrong := [decay for decay in values if not (isinstance(decay, SupportsFloat) and 0 <= float(decay) < 1)]:
+        raise ValueError(f"the decays of action_traces must be at least 0 and less than 1, got {wrong[0]!r}.")
+    return tuple(float(decay) for decay in values)

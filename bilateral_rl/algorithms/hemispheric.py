@@ -17,7 +17,7 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor, nn
 
-from bilateral_rl.algorithms.action_traces import ActionTraces
+from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
@@ -67,7 +67,7 @@ class Hemispheric(BaseAlgorithm):
         self.loss = loss
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
-        self.action_traces = tuple(action_traces)
+        self.action_traces = checked_decays(action_traces)
         for name, default in _STATE_DEPENDENT_EXPLORATION.items():
             if sb3_arguments.get(name, default) != default:
                 raise ValueError(f"state-dependent exploration ({name}) is not available; leave it out.")
@@ -98,7 +98,7 @@ class Hemispheric(BaseAlgorithm):
         if not isinstance(self.observation_space, spaces.Box):
             name = type(self).__name__
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
-        self.action_traces = tuple(self.action_traces)  # a saved model has them in a list
+        self.action_traces = checked_decays(self.action_traces)  # a saved model has them in a list
         if isinstance(self.action_space, spaces.Box):  # the policy refuses any other
             self._traces = ActionTraces(self.action_traces, get_action_dim(self.action_space))
         super()._setup_model()  # type: ignore[safe-super]

@@ -53,11 +53,12 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         use_sde: must be False: there is no state-dependent exploration (gSDE).
         sde_sample_freq: must be -1, as there is no gSDE.
         rollout_buffer_class: must be None: the streams need a buffer of their own.
-        rollout_buffer_kwargs: further arguments of that buffer; ``n_streams`` is given by itself.
+        rollout_buffer_kwargs: further arguments of that buffer; ``n_streams`` and ``action_traces`` are given by
+            themselves.
         normalize_advantage: whether to normalize each stream's advantages over the rollout.
         stats_window_size: number of trials that logged returns average over.
         tensorboard_log: folder for tensorboard's files; None for none.
-        policy_kwargs: arguments of the policy; ``n_streams`` is given by itself.
+        policy_kwargs: arguments of the policy; what the arguments above say of its critics is given by itself.
         verbose: 0 for no output, 1 for information, 2 for debugging.
         seed: seed of all random numbers; None for a random one.
         device: where the networks are: "cpu", "cuda", …, or "auto".

@@ -63,7 +63,8 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         gradient_steps: updates at a time; -1 for as many as there were steps.
         action_noise: noise added to actions; None for none, with which TD3 explores only before ``learning_starts``.
         replay_buffer_class: must be None: the streams need a buffer of their own.
-        replay_buffer_kwargs: further arguments of that buffer; ``n_streams`` is given by itself.
+        replay_buffer_kwargs: further arguments of that buffer; ``n_streams`` and ``action_traces`` are given by
+            themselves.
         optimize_memory_usage: must be False: the buffer keeps next observations.
         n_steps: must be 1: there are no returns of several steps.
         policy_delay: updates of the critics for one of the network and the targets.
@@ -71,7 +72,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         target_noise_clip: bound of that noise.
         stats_window_size: number of trials that logged returns average over.
         tensorboard_log: folder for tensorboard's files; None for none.
-        policy_kwargs: arguments of the policy; ``n_streams`` is given by itself.
+        policy_kwargs: arguments of the policy; what the arguments above say of its critics is given by itself.
         verbose: 0 for no output, 1 for information, 2 for debugging.
         seed: seed of all random numbers; None for a random one.
         device: where the networks are: "cpu", "cuda", …, or "auto".

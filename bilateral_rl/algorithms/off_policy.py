@@ -61,8 +61,6 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         policy_kwargs: dict[str, Any] | None,
         **arguments: Any,
     ) -> None:
-        if actor_value not in get_args(ActorValue):
-            raise ValueError(f"actor_value must be one of {', '.join(get_args(ActorValue))}, not {actor_value!r}.")
         self.critic_warm_up = critic_warm_up
         self.standardize_inputs = standardize_inputs
         self.actor_value = actor_value
@@ -85,6 +83,9 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
             raise ValueError(f"{type(self).__name__} needs its own replay buffer: leave replay_buffer_class out.")
         if self.n_steps != 1:
             raise ValueError(f"{type(self).__name__} has no returns of several steps: leave n_steps out.")
+        if self.actor_value not in get_args(ActorValue):  # here, as arguments of `load` come after the constructor
+            choices = ", ".join(get_args(ActorValue))
+            raise ValueError(f"actor_value must be one of {choices}, not {self.actor_value!r}.")
         self.replay_buffer_class = StreamReplayBuffer
         of_streams = {"n_streams": len(stream_mix(self.loss)), "action_traces": self.action_traces}
         self.replay_buffer_kwargs = self.replay_buffer_kwargs | of_streams

@@ -53,6 +53,7 @@ class StreamReplayBuffer(ReplayBuffer):
 
     next_rewards: NDArray[np.float32]
     next_traces: NDArray[np.float32]
+    traces: NDArray[np.float32] | None = None  # of buffers that were saved before there were any
 
     def __init__(self, *args: Any, n_streams: int = 1, action_traces: Sequence[float] = (), **kwargs: Any) -> None:
         if kwargs.get("optimize_memory_usage"):

@@ -7,8 +7,8 @@ from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.study.plan import cost_of
 
-_SECONDS = {"bptt": 13.0, "ppo": 100.0, "a2c": 490.0, "sac": 600.0, "td3": 600.0}
-"""To train a network by the default settings, evaluations included (docs/performance.md)."""
+_SECONDS = {"bptt": 13.0, "ppo": 100.0, "a2c": 170.0, "sac": 270.0, "td3": 230.0}
+"""To train a network by the default settings, evaluations included (docs/performance.md, docs/tuning.md)."""
 _TYPICAL_EPOCHS = 75
 """After which supervised training stops by itself."""
 _EPOCH_SECONDS = 0.18

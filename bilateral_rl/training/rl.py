@@ -71,13 +71,13 @@ class RLLearner(Learner):
         return checkpoint.state_tensors(self.algorithm) | evaluations
 
     def load(self, state: Tensors) -> None:
+        checkpoint.check(state)
         if checkpoint.goes_by_other_rules(state):
             path = self._folder.path
             raise UserError(
                 f"{path} was trained by an earlier version, whose updates weighed the penalty otherwise; begin a new "
                 f"training with its network: `bilateral-rl train --init-from {path}` and the same settings."
             )
-        checkpoint.check(state)
         parts = checkpoint.split(state)
         self._evaluations.restore(parts.pop(_EVALUATION, {}), self.algorithm.policy)
         checkpoint.restore(self.algorithm, checkpoint.join(parts))

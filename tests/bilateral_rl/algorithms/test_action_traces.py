@@ -58,6 +58,13 @@ def test_a_decay_outside_of_0_to_1_is_refused(algorithm, decay):
         make_model(algorithm, action_traces=(0.5, decay))
 
 
+@pytest.mark.parametrize("decays", [0.5, None, "0.5", ("a",), [[0.5]]])
+@each_algorithm
+def test_what_is_no_sequence_of_decays_is_refused_in_a_sentence(algorithm, decays):
+    with pytest.raises(ValueError, match=r"action_traces must be .*(not|got) "):
+        make_model(algorithm, action_traces=decays)
+
+
 def random_ends():
     return Recorder(DummyVecEnv([RandomEnds] * 3))
 
@@ -132,11 +139,18 @@ def test_sb3s_values_are_refused_with_traces(algorithm):
 
 @each_algorithm
 def test_every_group_still_learns_from_its_stream_alone(algorithm):
-    """What belongs to one side has no gradient of a stream that is zero."""
-    model = collect(make_model(algorithm, action_traces=DECAYS, weight_penalty=0.0, policy_kwargs={"units": 8}))
-    routed, groups = gradients_of_update(model), names_by_group(model)
-    for group in ("dominant", "non_dominant", "critic_0", "critic_1"):
-        assert any(routed[name] is not None and routed[name].any() for name in groups[group]), group
+    """Critics of the other stream that value everything otherwise change nothing for it."""
+    routed = []
+    for factor in (1.0, 3.0):
+        model = make_model(algorithm, action_traces=DECAYS, weight_penalty=0.0, policy_kwargs={"units": 8})
+        with torch.no_grad():
+            for parameter in model.parameter_groups()["critic_1"]:
+                parameter *= factor
+        routed.append(gradients_of_update(collect(model)))
+    for group, names in names_by_group(model).items():
+        same = [torch.equal(routed[0][name], routed[1][name]) for name in names if routed[0][name] is not None]
+        assert same, group
+        assert all(same) if group in ("dominant", "critic_0") else not all(same), group
 
 
 @each_algorithm

@@ -103,9 +103,24 @@ def test_the_network_follows_the_chosen_value(algorithm, value):
         assert routed[name][j].item() == pytest.approx(-(up - down) / 2e-5, rel=2e-3, abs=1e-7)
 
 
-def test_an_unknown_value_is_refused():
+def test_an_unknown_value_is_refused(tmp_path):
     with pytest.raises(ValueError, match="actor_value must be one of min, mean, first, not 'max'"):
         make_model(HemisphericTD3, actor_value="max")
+    make_model(HemisphericTD3).save(tmp_path / "model")
+    with pytest.raises(ValueError, match="actor_value must be one of min, mean, first, not 'max'"):
+        HemisphericTD3.load(tmp_path / "model", actor_value="max", device="cpu")
+
+
+@each_algorithm
+def test_a_replay_buffer_saved_before_there_were_traces_goes_on(algorithm, tmp_path):
+    model = make_model(algorithm, seed=0).learn(60)
+    for name in ("traces", "action_traces"):
+        del vars(model.replay_buffer)[name]
+    model.save_replay_buffer(tmp_path / "buffer")
+    model.load_replay_buffer(tmp_path / "buffer")
+    kept = model.replay_buffer.pos
+    model.learn(40, reset_num_timesteps=False)
+    assert model.replay_buffer.pos > kept
 
 
 def test_the_scale_of_streams_is_a_running_root_mean_square():

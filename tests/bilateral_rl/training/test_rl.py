@@ -113,6 +113,7 @@ def test_a_damaged_resume_file_is_refused(run):
         {"file.monitor.csv": torch.zeros(1)},
         {"file.passwords": torch.tensor(0)},
         {"weights.policy.log_std": torch.full((6,), float("inf"))},
+        {"counter.update_rules": torch.tensor(float("inf"))},
     ):
         run.save_resume(sound | damage)
         with pytest.raises(UserError, match="damaged"):
