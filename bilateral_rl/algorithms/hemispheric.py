@@ -145,6 +145,22 @@ class Hemispheric(BaseAlgorithm):
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "_traces", "_mix", "_shares", "_groups", "_network_groups"]
 
+    def _buffer_arguments(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return ``given`` further arguments of the buffer, with those that follow from the algorithm's own.
+
+        Raises:
+            ValueError: one of these is given, and another than the algorithm's.
+        """
+        own = {"n_streams": len(stream_mix(self.loss)), "action_traces": tuple(self.action_traces)}
+        for name, value in own.items():
+            other = given.get(name, value)
+            if (tuple(other) if isinstance(other, list) else other) != value:  # a saved model has them in a list
+                raise ValueError(
+                    f"{name} of the buffer follows from the algorithm, {value}, and is given as {other}: leave it out; "
+                    "a saved model keeps its traces and its loss."
+                )
+        return dict(given) | own
+
     # --- rewards ----------------------------------------------------------------------------------------------------
 
     def _stream_rewards(self, env: VecEnv, infos: Sequence[Mapping[str, Any]]) -> NDArray[np.float32]:

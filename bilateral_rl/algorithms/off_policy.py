@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import pathlib
 from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -21,7 +23,6 @@ from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamp
 from bilateral_rl.algorithms.stream_scale import StreamScale
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
-from bilateral_rl.vocabulary import stream_mix
 
 ActorValue = Literal["min", "mean", "first"]
 """Which value of a stream's critics the network follows: the smallest, their mean, or the first one's."""
@@ -87,8 +88,7 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
             choices = ", ".join(get_args(ActorValue))
             raise ValueError(f"actor_value must be one of {choices}, not {self.actor_value!r}.")
         self.replay_buffer_class = StreamReplayBuffer
-        of_streams = {"n_streams": len(stream_mix(self.loss)), "action_traces": self.action_traces}
-        self.replay_buffer_kwargs = self.replay_buffer_kwargs | of_streams
+        self.replay_buffer_kwargs = self._buffer_arguments(self.replay_buffer_kwargs)
         super()._setup_model()
         if self.policy.standardize_inputs != self.standardize_inputs:
             raise ValueError(
@@ -97,6 +97,20 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
             )
         self.stream_scale = StreamScale(self.policy.n_streams).to(self.device)
         self._actor_groups = {name: group for name, group in self._groups.items() if not name.startswith("critic_")}
+
+    def load_replay_buffer(self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True) -> None:
+        """Load a replay buffer as SB3 does.
+
+        Raises:
+            ValueError: a buffer of other traces than the critics see.
+        """
+        super().load_replay_buffer(path, truncate_last_traj)
+        traces = getattr(self.replay_buffer, "action_traces", None)
+        decays = traces.decays if traces else ()
+        if decays != self.action_traces:
+            raise ValueError(
+                f"the replay buffer holds traces of decays {decays}, and action_traces is {self.action_traces}."
+            )
 
     def _store_transition(
         self,

@@ -22,7 +22,7 @@ from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRolloutBuffer
 from bilateral_rl.policies import POLICY_ALIASES, BilateralActorCriticPolicy
-from bilateral_rl.vocabulary import stream_mix, stream_names
+from bilateral_rl.vocabulary import stream_names
 
 
 class _CutShort(NamedTuple):
@@ -59,8 +59,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         if self.rollout_buffer_class not in (None, RolloutBuffer, StreamRolloutBuffer):
             raise ValueError(f"{type(self).__name__} needs its own rollout buffer: leave rollout_buffer_class out.")
         self.rollout_buffer_class = StreamRolloutBuffer
-        of_streams = {"n_streams": len(stream_mix(self.loss)), "action_traces": self.action_traces}
-        self.rollout_buffer_kwargs = self.rollout_buffer_kwargs | of_streams
+        self.rollout_buffer_kwargs = self._buffer_arguments(self.rollout_buffer_kwargs)
         super()._setup_model()
 
     # --- collecting -------------------------------------------------------------------------------------------------

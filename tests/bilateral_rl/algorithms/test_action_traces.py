@@ -162,3 +162,27 @@ def test_a_model_with_traces_comes_back_and_goes_on(algorithm, tmp_path):
     loaded.learn(40)
     with pytest.raises(ValueError, match="a saved model keeps its traces"):
         algorithm.load(tmp_path / "model", action_traces=(), device="cpu")
+
+
+@each_algorithm
+def test_what_the_buffer_takes_from_the_algorithm_cannot_be_given_otherwise(algorithm):
+    buffer = "rollout_buffer_kwargs" if algorithm in ON_POLICY else "replay_buffer_kwargs"
+    for other in ({"n_streams": 5}, {"action_traces": (0.1,)}):
+        with pytest.raises(ValueError, match=r"follows from the algorithm, .* leave it out"):
+            make_model(algorithm, action_traces=DECAYS, **{buffer: other})
+
+
+@pytest.mark.parametrize("algorithm", OFF_POLICY)
+def test_a_replay_buffer_of_other_traces_is_not_loaded(algorithm, tmp_path):
+    collect(make_model(algorithm, action_traces=DECAYS)).save_replay_buffer(tmp_path / "buffer")
+    make_model(algorithm, action_traces=DECAYS).load_replay_buffer(tmp_path / "buffer.pkl")
+    with pytest.raises(ValueError, match=r"traces of decays \(0.5, 0.8\), and action_traces is \(0.5, 0.9\)"):
+        make_model(algorithm, action_traces=(0.5, 0.9)).load_replay_buffer(tmp_path / "buffer.pkl")
+
+
+@each_algorithm
+def test_a_saved_model_keeps_its_decays(algorithm, tmp_path):
+    make_model(algorithm, action_traces=DECAYS).save(tmp_path / "model")
+    assert algorithm.load(tmp_path / "model", env=arm()).action_traces == DECAYS
+    with pytest.raises(ValueError, match=r"follows from the algorithm, .* leave it out"):
+        algorithm.load(tmp_path / "model", env=arm(), action_traces=(0.1, 0.2))

@@ -137,9 +137,10 @@ def test_a_given_temperature_reaches_sac():
     assert algorithm.ent_coef_tensor.item() == pytest.approx(0.04)
 
 
-def test_a_learned_temperature_steers_to_minus_the_number_of_muscles():
-    algorithm = build_algorithm(small("sac"))
-    assert algorithm.target_entropy == -6.0
+@pytest.mark.parametrize(("target", "steered_to"), [(None, -6.0), (-9.0, -9.0)])
+def test_a_learned_temperature_steers_to_its_target_or_to_minus_the_number_of_muscles(target, steered_to):
+    algorithm = build_algorithm(small("sac", sac={"target_entropy": target}))
+    assert algorithm.target_entropy == steered_to
 
 
 @algos
