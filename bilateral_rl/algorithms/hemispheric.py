@@ -138,6 +138,8 @@ class Hemispheric(BaseAlgorithm):
             The traces after it (n_envs, n); where it ended a trial, the next step begins with new ones.
         """
         assert self._last_traces is not None
+        if not self.action_traces:
+            return self._last_traces
         after = self._traces.advance(self._last_traces, actions.reshape(len(actions), -1))
         self._last_traces = np.where(dones[:, None], np.float32(0), after)
         return after

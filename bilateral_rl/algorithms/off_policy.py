@@ -102,12 +102,14 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         """Load a replay buffer as SB3 does.
 
         Raises:
-            ValueError: a buffer of other traces than the critics see.
+            ValueError: a buffer of other traces than the critics see; the present one stays.
         """
+        present = self.replay_buffer
         super().load_replay_buffer(path, truncate_last_traj)
         traces = getattr(self.replay_buffer, "action_traces", None)
         decays = traces.decays if traces else ()
         if decays != self.action_traces:
+            self.replay_buffer = present
             raise ValueError(
                 f"the replay buffer holds traces of decays {decays}, and action_traces is {self.action_traces}."
             )

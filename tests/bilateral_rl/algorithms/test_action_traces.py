@@ -176,8 +176,11 @@ def test_what_the_buffer_takes_from_the_algorithm_cannot_be_given_otherwise(algo
 def test_a_replay_buffer_of_other_traces_is_not_loaded(algorithm, tmp_path):
     collect(make_model(algorithm, action_traces=DECAYS)).save_replay_buffer(tmp_path / "buffer")
     make_model(algorithm, action_traces=DECAYS).load_replay_buffer(tmp_path / "buffer.pkl")
+    other = make_model(algorithm, action_traces=(0.5, 0.9))
+    present = other.replay_buffer
     with pytest.raises(ValueError, match=r"traces of decays \(0.5, 0.8\), and action_traces is \(0.5, 0.9\)"):
-        make_model(algorithm, action_traces=(0.5, 0.9)).load_replay_buffer(tmp_path / "buffer.pkl")
+        other.load_replay_buffer(tmp_path / "buffer.pkl")
+    assert other.replay_buffer is present
 
 
 @each_algorithm

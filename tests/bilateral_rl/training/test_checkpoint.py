@@ -44,19 +44,23 @@ def states():
     return {algo: saved(learned(algo)) for algo in ALGORITHMS}
 
 
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_a_restored_training_has_the_same_state_and_goes_on_to_the_same_bits(algo):
-    values = {"model": "bi_s", "trial": {"motor_noise": 0.1, "feedback_delay": 2}}
-    algorithm = learned(algo, **values)
+def assert_goes_on_to_the_same_bits(algorithm, twin):
+    """The twin, restored to the state of ``algorithm``, has that state, and both go on alike."""
     state = saved(algorithm)
     algorithm.learn(STEPS, log_interval=None, reset_num_timesteps=False)
     after = saved(algorithm)
-    twin = built(algo, **values, seed=5)
     restore(twin, state)
     assert differing(saved(twin), state) == []
     twin.learn(STEPS, log_interval=None, reset_num_timesteps=False)
     assert differing(saved(twin), after) == []
-    assert differing(state, after)  # it did learn
+    assert differing(state, after), "it was meant to learn"
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_restored_training_has_the_same_state_and_goes_on_to_the_same_bits(algo):
+    values = {"model": "bi_s", "trial": {"motor_noise": 0.1, "feedback_delay": 2}}
+    algorithm = learned(algo, **values)
+    assert_goes_on_to_the_same_bits(algorithm, built(algo, **values, seed=5))
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
@@ -72,13 +76,7 @@ def test_a_restored_training_goes_on_with_its_traces_in_the_middle_of_a_trial(al
     assert state["environment.clock"].all()
     assert state["last.traces"].any()
     assert ("weights.stream_scale.mean_square" in state) == ("weights.policy.critic.input_mean" in state)
-    algorithm.learn(STEPS, log_interval=None, reset_num_timesteps=False)
-    after = saved(algorithm)
-    twin = built(algo, **values, seed=5)
-    restore(twin, state)
-    assert differing(saved(twin), state) == []
-    twin.learn(STEPS, log_interval=None, reset_num_timesteps=False)
-    assert differing(saved(twin), after) == []
+    assert_goes_on_to_the_same_bits(algorithm, built(algo, **values, seed=5))
 
 
 @pytest.mark.parametrize("algo", ["sac", "td3"])
