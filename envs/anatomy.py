@@ -100,11 +100,11 @@ def direction(angle: ArrayLike) -> Points:
 def _around_joint(proximal: float, distal: float, side: float, radius: float) -> Points:
     """Return points (n, 2) by which a muscle passes a joint at 0, ``radius`` off both bones (angles in rad).
 
-    An extensor is wrapped around a flexed joint; a flexor spans its inside.
+    A muscle is wrapped around the outside of the bend, as an extensor around a flexed joint, or spans its inside.
     """
     flexion = (distal - proximal + np.pi) % (2 * np.pi) - np.pi
-    if side == _EXTENSION and flexion > 0:
-        return -radius * direction(np.linspace(proximal, proximal + flexion, 5) + np.pi / 2)
+    if side * flexion < 0:
+        return side * radius * direction(np.linspace(proximal, proximal + flexion, 5) + np.pi / 2)
     # Bounded, as the point that far off both bones recedes without end when they fold onto each other.
     distance = radius / max(math.cos(flexion / 2), 0.5)
     return side * distance * direction(np.array([proximal + flexion / 2 + np.pi / 2]))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.measures import final_infos
-from bilateral_rl.envs.scene import RENDER_FPS, RENDER_MODES, SceneView
+from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
@@ -83,7 +83,8 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Args:
         task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
-        render_mode: None, ``"rgb_array"`` or ``"human"``.
+        render_mode: None, ``"rgb_array"`` or ``"human"``; at ``metadata["render_fps"]`` pictures a second the arm moves
+            four times slower than it does.
         **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`: ``trial_length=50`` (steps),
             ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``load="axes"`` or ``"direction"``,
             ``sensory_noise=0.0``, ``motor_noise=0.0``, ``feedback_delay=0`` (steps), ``arm=ArmParameters()``.
@@ -96,10 +97,11 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - v0: first release.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": render_fps(ArmParameters.timestep)}
 
     def __init__(self, task: str | Task = "random_reach", render_mode: str | None = None, **settings: Any) -> None:
         self.settings = TrialSettings(**settings)
+        self.metadata = self.metadata | {"render_fps": render_fps(self.settings.arm.timestep)}
         self.batch = TrialBatch(make_task(task), self.settings, n=1)
         low, high = self.settings.observation_bounds()
         self.observation_space = spaces.Box(low, high)

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv
 from bilateral_rl.envs.measures import final_infos
-from bilateral_rl.envs.scene import SceneView
+from bilateral_rl.envs.scene import SceneView, render_fps
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
@@ -63,6 +63,8 @@ class ArmVecEnv(VecEnv):
         self.batch = TrialBatch(make_task(task), self.settings, n_envs, device)
         low, high = self.settings.observation_bounds()
         super().__init__(n_envs, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))
+        # After SB3 has put modes alone there, so that its VecVideoRecorder finds the rate.
+        self.metadata |= {"render_fps": render_fps(self.settings.arm.timestep)}
         self._view = SceneView(self.batch, render_mode)
         self._arms = np.arange(n_envs, dtype=np.int32)
         self._streams: TrialStreams | None = None

@@ -40,6 +40,7 @@ class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         **settings: Any,
     ) -> None:
         self._venv = ArmVecEnv(num_envs, task, render_mode, device, **settings)
+        self.metadata = self.metadata | {"render_fps": self._venv.metadata["render_fps"]}
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.single_observation_space = self._venv.observation_space

@@ -111,7 +111,7 @@ class Window:
         fps: largest number of pictures shown in a second.
     """
 
-    def __init__(self, title: str, fps: int) -> None:
+    def __init__(self, title: str, fps: float) -> None:
         self._title, self._fps = title, fps
         self._clock: Any = None
         self._closed_by_hand = False

@@ -104,14 +104,18 @@ def _box(left: float, right: float, bottom: float, top: float) -> Points:
 
 
 def _draw_workspace(canvas: Canvas, arm: ArmParameters) -> None:
-    """Draw the hand positions within the joint limits, and the circle of the stretched arm."""
+    """Draw the hand positions within the joint limits, and the circle of the stretched arm.
+
+    An elbow that bends both ways reaches most of them by two postures: each way has an area of its own.
+    """
     canvas.disc((0, 0), sum(arm.link_length), WHITE, _FAINT)
     (q1_min, q2_min), (q1_max, q2_max) = arm.joint_lower_limit, arm.joint_upper_limit
-    corners = _box(q1_min, q1_max, q2_min, q2_max)
     along = np.linspace(0, 1, 40)[:, None]
-    postures = np.concatenate([a + along * (b - a) for a, b in pairwise(corners)])
-    hands = np.stack([elbow_and_hand(arm, posture)[1] for posture in postures])
-    canvas.polygon(hands, _WORKSPACE, _FAINT)
+    for first, last in pairwise([q2_min, 0.0, q2_max] if q2_min < 0 < q2_max else [q2_min, q2_max]):
+        corners = _box(q1_min, q1_max, first, last)
+        postures = np.concatenate([a + along * (b - a) for a, b in pairwise(corners)])
+        hands = np.stack([elbow_and_hand(arm, posture)[1] for posture in postures])
+        canvas.polygon(hands, _WORKSPACE, _FAINT)
 
 
 def _draw_path(canvas: Canvas, path: Points) -> None:

@@ -13,11 +13,22 @@ from bilateral_rl.envs.rendering import Scene, draw
 from bilateral_rl.envs.trials import TrialBatch
 
 RENDER_MODES = ("rgb_array", "human")
-RENDER_FPS = 25
+SLOW_DOWN = 4
+"""Seconds for which pictures show a second of the arm's: a reach takes half a second, too short to follow."""
 MAX_DRAWN = 16
 """Arms drawn of a larger batch: enough to see, and a picture takes milliseconds an arm."""
 
 Picture = NDArray[np.uint8]
+
+
+def render_fps(timestep: float) -> int | float:
+    """Return how many pictures a second show the arm :data:`SLOW_DOWN` times slower than it is, a picture a step.
+
+    Args:
+        timestep: the length of a step (s).
+    """
+    fps = round(1 / (SLOW_DOWN * timestep), 6)  # 25, not 25.000000000000004
+    return int(fps) if fps.is_integer() else fps
 
 
 class SceneView:
@@ -77,7 +88,9 @@ class SceneView:
 
     def _show(self) -> None:
         if self._window is None:
-            self._window = Window(f"bilateral_rl · {self._batch.task.id}", RENDER_FPS)
+            self._window = Window(
+                f"bilateral_rl · {self._batch.task.id}", render_fps(self._batch.settings.arm.timestep)
+            )
         self._window.show(tile(self.pictures()))
 
     def __getstate__(self) -> dict[str, Any]:

@@ -50,7 +50,9 @@ def hand_paths(record: TrialRecord, radius: float, reach: float, n_trials: int =
         axes.plot(*path[0], "o", color=color, markersize=5)
     axes.plot(0, 0, "k+", markersize=8)
     limit = 105 * reach
-    axes.set(xlim=(-limit, limit), ylim=(-0.35 * limit, limit), aspect="equal")
+    lowest = 100 * min(record.hand[:n_trials, :, 1].min(), record.target[:n_trials, 1].min() - radius)
+    # Most arms keep above the shoulder; joints with other ranges may reach anywhere.
+    axes.set(xlim=(-limit, limit), ylim=(min(-0.35 * limit, 1.05 * lowest), limit), aspect="equal")
     axes.set(xlabel="hand x (cm), shoulder at +", ylabel="hand y (cm)")
     axes.set_title(f"Hand paths of {min(n_trials, len(record.hand))} trials", fontsize=10)
     for side in ("top", "right"):

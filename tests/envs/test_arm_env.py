@@ -12,7 +12,7 @@ from arm_faces import SETTINGS, assert_same, each_setting
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
-from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, TrialSettings
+from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, ArmVecEnv, ArmVectorEnv, TrialSettings
 
 IDS = list(ENVIRONMENT_IDS.values())
 
@@ -261,3 +261,14 @@ def test_settings_are_refused_in_one_sentence(settings, sentence):
             face()
         assert "\n" not in str(refused.value)
         assert type(refused.value) is ValueError
+
+
+@pytest.mark.parametrize(("timestep", "fps"), [(0.01, 25), (0.005, 50), (0.02, 12.5)])
+def test_pictures_show_the_arm_four_times_slower_whatever_a_step_is(timestep, fps):
+    for env in (
+        ArmEnv(arm={"timestep": timestep}),
+        ArmVecEnv(2, arm={"timestep": timestep}),
+        ArmVectorEnv(2, arm={"timestep": timestep}),
+    ):
+        assert env.metadata["render_fps"] == fps
+        assert type(env).metadata["render_fps"] == 25, "the class's stays that of the usual step"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bilateral_rl.envs import canvas
-from bilateral_rl.envs.anatomy import elbow_and_hand, moment_arms
+from bilateral_rl.envs.anatomy import Route, elbow_and_hand, moment_arms, muscle_course
 from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.canvas import Window, tile
 from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
@@ -15,6 +15,8 @@ from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
 pygame = pytest.importorskip("pygame")
 
 ARM = ArmParameters()
+BOTH_WAYS = ArmParameters(joint_lower_limit=(-1.0, -2.0), joint_upper_limit=(2.0, 2.0))
+"""An arm whose elbow bends either way."""
 SIZE = 480
 SCENE = Scene(
     angles=np.radians([40.0, 80.0]),
@@ -143,6 +145,42 @@ def test_hand_is_where_the_posture_puts_it():
     row, column = pixel(hand(SCENE.angles))
     assert changed(picture(), picture(angles=np.zeros(2)))[row - 4 : row + 5, column - 4 : column + 5].any()
     assert (picture()[row, column] > 240).all()
+
+
+@pytest.mark.parametrize("angles", [(0.9, -1.4), (0.4, -0.5), (1.2, 1.7)])
+def test_the_elbow_is_where_the_posture_puts_it_whichever_way_it_bends(angles):
+    """One hand, two postures: a picture that knew the hand alone would show the other one half of the time."""
+    frame = draw(BOTH_WAYS, SCENE._replace(angles=np.array(angles)), SIZE)
+
+    def has_a_joint(point):
+        row, column = pixel(point)
+        ring = [frame[row + k * dy, column + k * dx] for dx, dy in ((0, 1), (1, 0), (0, -1), (-1, 0)) for k in range(9)]
+        darkest = np.reshape(ring, (4, 9, 3)).max(axis=-1).min(axis=-1)
+        return (darkest < 130).all() and (frame[row, column] > 240).all()
+
+    upper = ARM.link_length[0]
+    toward_hand = np.arctan2(*hand(angles)[::-1])
+    mirrored = 2 * toward_hand - angles[0]
+    assert has_a_joint(upper * np.array([np.cos(angles[0]), np.sin(angles[0])]))
+    assert not has_a_joint(upper * np.array([np.cos(mirrored), np.sin(mirrored)]))
+
+
+def test_a_flexor_runs_around_an_elbow_that_bends_backward_as_an_extensor_around_one_that_bends_forward():
+    def course(side, angles):
+        joints = np.stack((np.array([-0.13, 0.0]), np.zeros(2), *elbow_and_hand(ARM, np.array(angles))))
+        route = Route(side, ((1, 0.5, 0.01), (2, 0.3, 0.01)), (0.1, 0.9), 0.01)
+        return muscle_course(joints, route, np.array([0.03, 0.025]))
+
+    flexor, extensor = course(1.0, (0.0, -2.0)), course(-1.0, (0.0, 2.0))
+    np.testing.assert_allclose(flexor, extensor * (1, -1), atol=1e-6)
+    elbow = np.array([ARM.link_length[0], 0.0])
+    assert np.linalg.norm(flexor - elbow, axis=1).min() < 0.03
+
+
+def test_the_workspace_of_an_elbow_that_bends_both_ways_reaches_to_the_stretched_arm():
+    frame = draw(BOTH_WAYS, SCENE._replace(angles=np.array([2.0, 2.0])), SIZE)
+    inside, outside = [0.62 * np.array([np.cos(angle), np.sin(angle)]) for angle in (-0.3, -2.0)]
+    assert frame[pixel(inside)].tolist() != [255, 255, 255] == frame[pixel(outside)].tolist()
 
 
 def test_short_paths_draw():

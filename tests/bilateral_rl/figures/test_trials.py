@@ -35,6 +35,14 @@ def test_hand_paths_are_in_centimeters(make_record, rng):
     assert axes.get_title() == "Hand paths of 2 trials"
 
 
+def test_a_path_that_goes_below_the_shoulder_is_not_cut_off(make_record, rng):
+    record = make_record(hand=rng.random((4, 11, 2)) - (0, 0.6), target=np.full((4, 2), -0.62))
+    (axes,) = hand_paths(record, 0.05, 0.642).axes
+    assert axes.get_ylim()[0] < -67
+    (usual,) = hand_paths(make_record(), 0.05, 0.642).axes
+    assert usual.get_ylim()[0] == pytest.approx(-0.35 * 1.05 * 64.2)
+
+
 def test_a_picture_is_rgb(make_record):
     picture = as_array(hand_paths(make_record(), 0.05, 0.642))
     assert picture.shape == (420, 500, 3)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.envs.anatomy import elbow_and_hand
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.training.run import train
@@ -23,6 +24,20 @@ def test_the_chosen_weights_act(bptt_run, same_bits):
     assert not same_bits(states["final"], states["best"])
     for weights, state in states.items():
         assert same_bits(state, load_policy(run, weights).motor_network.state_dict())
+
+
+def test_a_film_shows_the_posture_that_was_whichever_way_the_elbow_bent(small_bptt, tmp_path):
+    arm = {"joint_lower_limit": [0.0, -2.0], "joint_upper_limit": [2.0, 2.0]}
+    config = small_bptt(seeds=1, epochs=1, trial={"arm": arm})
+    actor = Actor.load(str(train(config, tmp_path).folder.path), "final")
+    performance = actor.perform(Evaluator("random_reach", config.trial, 16, seed=0), "intact", 0.05, "")
+    record = performance.record
+    for trial in range(16):
+        scene = performance.scene(trial, 5, "")
+        np.testing.assert_array_equal(scene.angles, record.joint[trial, 5])
+        np.testing.assert_allclose(elbow_and_hand(record.arm, scene.angles)[1], record.hand[trial, 5], atol=1e-6)
+    assert (record.joint[:, 5, 1] < -0.5).any()
+    assert (record.joint[:, 5, 1] > 0.5).any()
 
 
 def test_a_run_of_the_released_profile_has_the_released_lesions(small_bptt, tmp_path):
