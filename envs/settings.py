@@ -30,7 +30,7 @@ class TrialSettings:
     """
 
     trial_length: Annotated[Whole, Field(ge=1, le=10_000)] = 50
-    """Steps in a trial."""
+    """Length of a trial (steps)."""
     threshold: Positive = 0.05
     """Radius of the goal (m)."""
     max_load: NotNegative = 10.0
@@ -39,11 +39,12 @@ class TrialSettings:
     """How a load is drawn: "axes", each axis uniform in ±``max_load`` (the paper's released code); "direction", a
     direction uniform over the circle and a size uniform from 0 to ``max_load`` (its text)."""
     sensory_noise: NotNegative = 0.0
-    """Standard deviation of the noise on each sensed number, in that number's unit."""
+    """Standard deviation of the noise on each sensed number, in that number's unit: optimal lengths, maximal
+    velocities and meters."""
     motor_noise: NotNegative = 0.0
     """Standard deviation of the noise on each muscle's excitation."""
     feedback_delay: Annotated[Whole, Field(ge=0, le=10_000)] = 0
-    """Steps by which what is sensed lags behind the arm; the target is seen at once."""
+    """How far what is sensed lags behind the arm (steps); the target is seen at once."""
     arm: ArmParameters = field(default_factory=ArmParameters)
     """Physical constants."""
 

@@ -37,12 +37,15 @@ class StreamHyperparameters:
     """What every hemispheric algorithm takes."""
 
     learning_rate: Positive = 3e-4
+    """Learning rate at the first step; it changes linearly to ``final_learning_rate``."""
     final_learning_rate: NotNegative = 0.0
-    """Reached linearly at the last step."""
+    """Learning rate at the last step."""
     gamma: Fraction = 0.99
+    """Discount of the reward of one step later."""
     weight_penalty: NotNegative = 0.001
-    """λ of paper section 4."""
+    """λ, the strength of the weight penalty (paper section 4), scaled as the reward is."""
     reward_scale: Positive = 1.0
+    """Factor by which both rewards are multiplied before anything learns from them."""
     action_traces: Annotated[tuple[Decay, ...], Field(max_length=MOST_TRACES)] = ()
     """Decays per step of running averages of past actions, which the critics see besides the observation."""
 
@@ -52,13 +55,16 @@ class OnPolicyHyperparameters(StreamHyperparameters):
     """What PPO and A2C take."""
 
     n_steps: KeptSteps = 50
-    """Steps per arm between updates."""
+    """Steps of each arm between updates (steps)."""
     gae_lambda: Fraction = 0.95
+    """λ of generalized advantage estimation: 0 trusts the critics, 1 the returns."""
     ent_coef: NotNegative = 0.0
-    """Too little, and the exploration narrows before the hand finds its way."""
+    """Weight of the entropy bonus at the first step. Too little, and the exploration narrows before the hand finds its
+    way."""
     final_ent_coef: NotNegative = 0.0
-    """Reached linearly at the last step."""
+    """Weight of the entropy bonus at the last step; it changes linearly."""
     vf_coef: NotNegative = 0.5
+    """Weight of the critics' loss."""
     max_grad_norm: Positive = 0.5
     """Largest norm of the gradient of each parameter group."""
 
@@ -68,8 +74,11 @@ class PPOHyperparameters(OnPolicyHyperparameters):
     """Arguments of ``HemisphericPPO``."""
 
     batch_size: Annotated[Whole, Field(ge=2, le=10**7)] = 5120
+    """Steps in each gradient step (steps)."""
     n_epochs: Count = 5
+    """Times that each rollout is learned from (epochs)."""
     clip_range: Positive = 0.2
+    """How far the probability ratio of an action may leave 1 before its gradient is cut."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -77,8 +86,11 @@ class A2CHyperparameters(OnPolicyHyperparameters):
     """Arguments of ``HemisphericA2C``."""
 
     n_steps: KeptSteps = 5
+    """Steps of each arm between updates (steps)."""
     gae_lambda: Fraction = 1.0
+    """λ of generalized advantage estimation: 0 trusts the critics, 1 the returns."""
     normalize_advantage: Flag = False
+    """Whether each stream's advantages are brought to mean 0 and standard deviation 1."""
     use_rms_prop: Flag = True
     """RMSprop as in the original A2C; otherwise Adam."""
 
@@ -88,18 +100,22 @@ class OffPolicyHyperparameters(StreamHyperparameters):
     """What SAC and TD3 take."""
 
     final_learning_rate: NotNegative = 3e-4
+    """Learning rate at the last step."""
     buffer_size: KeptSteps | None = 500_000
-    """Steps kept, over all arms; None for all of the training's. A buffer that forgets forgets the most varied data."""
+    """Steps kept, over all arms; None for all of the training's (steps). A buffer that forgets forgets the most varied
+    data."""
     learning_starts: CountOrNone = 10_000
-    """Steps with random actions before the first update."""
+    """Steps with random actions before the first update, over all arms (steps)."""
     batch_size: Annotated[Whole, Field(ge=2, le=10**6)] = 256
+    """Steps in each update (steps)."""
     tau: Annotated[Number, Field(gt=0, le=1)] = 0.005
+    """Share of the critics that enters the target critics at each update."""
     train_freq: Count = 1
-    """Steps per arm between updates."""
+    """Steps of each arm between updates (steps)."""
     gradient_steps: Count = 1
-    """Updates at a time."""
+    """Updates at a time (updates)."""
     critic_warm_up: CountOrNone = 0
-    """Updates of the critics before the first of the network."""
+    """Updates of the critics before the first of the network (updates)."""
     n_critics: Annotated[Whole, Field(ge=1, le=10)] = 2
     """Critics of each reward stream; targets are the smallest value."""
     standardize_inputs: Flag = False
@@ -119,7 +135,7 @@ class SACHyperparameters(OffPolicyHyperparameters):
     initial_ent_coef: Positive = 1.0
     """Where a learned temperature begins."""
     target_entropy: Number | None = None
-    """What a learned temperature steers to (nats); None for minus the number of muscles."""
+    """Entropy to which a learned temperature steers the policy (nats); None for minus the number of muscles."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -133,7 +149,9 @@ class TD3Hyperparameters(OffPolicyHyperparameters):
     policy_delay: Count = 2
     """Updates of the critics for one of the network."""
     target_policy_noise: Positive = 0.2
+    """Standard deviation of the noise on the actions whose value is the target."""
     target_noise_clip: Positive = 0.5
+    """Largest size of that noise."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -141,17 +159,19 @@ class BPTTHyperparameters:
     """Back-propagation through time as the paper does it (section 5)."""
 
     learning_rate: Positive = 0.001
-    """Adam's."""
+    """Learning rate of Adam."""
     epsilon: Positive = 1e-7
-    """Adam's, added as Keras does: before the bias correction."""
+    """ε of Adam, added as Keras does: before the bias correction."""
     clip_norm: Positive = 1.0
     """Largest norm of the gradient of each kernel, bias and scalar by itself."""
     batch_size: AtOnce = 64
+    """Trials in each update (trials)."""
     trials: AtOnce = 6400
-    """Drawn once for each seed, reshuffled every epoch; a multiple of ``batch_size``."""
+    """Trials of an epoch, drawn once for each seed and reshuffled every epoch; a multiple of the batches (trials)."""
     validation_trials: AtOnce = 64
+    """Trials by which early stopping judges (trials)."""
     patience: Count = 3
-    """Epochs without a better validation loss after which a seed stops."""
+    """Epochs without a better validation loss after which a seed stops (epochs)."""
     penalty: Penalty | None = None
     """What the weight penalty is taken of; by default what the profile says."""
     penalty_coefficient: NotNegative | None = None

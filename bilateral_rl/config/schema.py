@@ -70,13 +70,13 @@ class EvaluationConfig:
     """Evaluations and saved weights along the way."""
 
     every: Count = 500_000
-    """Environment steps between evaluations, whatever ``n_envs`` is."""
+    """Environment steps between evaluations, over all arms (steps)."""
     trials: AtOnce = 256
-    """Trials of an evaluation, the same ones each time, by the deterministic policy."""
+    """Trials of an evaluation, the same ones each time, by the deterministic policy (trials)."""
     checkpoint_every: Count = 2_500_000
-    """Environment steps between saved weights."""
+    """Environment steps between saved weights, over all arms (steps)."""
     lesion_probe_every: CountOrNone = 0
-    """Environment steps between tests of every lesion; 0 for none."""
+    """Environment steps between tests of every lesion, over all arms; 0 for none (steps)."""
     seed: Seed = 1_000_000
     """Seed of the evaluation's trials; arm i uses seed + i."""
 
@@ -86,9 +86,13 @@ class TrainConfig(ABC):
     """What sets one training apart, whatever the algorithm; each algorithm's configuration adds its own."""
 
     algo: str = "ppo"
+    """The algorithm: "ppo", "a2c", "sac", "td3" or "bptt"."""
     model: str = "cc_s"
+    """The network and what trains it, such as "cc_s"; ``bilateral-rl list`` names all."""
     task: str = "random_reach"
+    """What the arm is to do."""
     seed: Seed = 0
+    """Seed of weights, exploration and trials."""
     seeds: Annotated[Whole, Field(ge=1, le=MAX_SEEDS)] = 1
     """Networks to train, of seeds ``seed``, ``seed + 1``, …; each ends as if it had been alone."""
     device: Device = "cpu"
@@ -150,7 +154,7 @@ class RLConfig(TrainConfig):
     """A training by reinforcement learning; each algorithm's configuration adds its hyperparameters, by its name."""
 
     timesteps: Count = 12_000_000
-    """Environment steps, over all arms."""
+    """Environment steps of the training, over all arms (steps)."""
     n_envs: AtOnce = 1024
     """Arms simulated at once."""
     threads: Annotated[Whole, Field(ge=1, le=MOST_THREADS)] = 1
@@ -220,7 +224,7 @@ class BPTTConfig(TrainConfig):
 
     algo: str = "bptt"
     epochs: Count = 100
-    """Largest number of epochs."""
+    """Length of the training, unless early stopping ends it before (epochs)."""
     profile: Profile = "paper"
     """What sets the defaults of the penalty: "paper", its text, or "released", its released code."""
     bptt: BPTTHyperparameters = field(default_factory=BPTTHyperparameters)
