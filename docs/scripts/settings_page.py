@@ -116,7 +116,10 @@ def _fields(cls: type, schema: Mapping[str, Any], defs: Mapping[str, Any], path:
 
 def description(cls: type, name: str) -> str:
     """Return the sentence that stands below a field in the class, or in the nearest base class that has one."""
-    return next(text for base in cls.__mro__ if (text := _docstrings(base).get(name)))
+    texts = [text for base in cls.__mro__ if (text := _docstrings(base).get(name))]
+    if not texts:
+        raise LookupError(f"{cls.__name__}.{name} needs a docstring below it: what it is, and its unit in parentheses.")
+    return texts[0]
 
 
 @functools.cache
