@@ -2,97 +2,196 @@
 
 from __future__ import annotations
 
-from typing import Any
+import operator
+from typing import Any, SupportsIndex
 
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv
-from bilateral_rl.envs.arm_vec_env import ArmVecEnv
-from bilateral_rl.envs.tasks import Task
+from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.scene import MAX_DRAWN, SceneView, render_fps
+from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.tasks import Task, make_task
+from bilateral_rl.envs.trial_streams import TrialStreams
+from bilateral_rl.envs.trials import TrialBatch
 
 Float32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+"""(num_envs,): some of the arms."""
 
 
 class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
     """``num_envs`` arms in one kernel launch, as a Gymnasium ``VectorEnv``: the one of ``gymnasium.make_vec``.
 
-    Spaces, reward, start, end and info are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. Autoreset is same-step: where
-    a trial ends, the observation is the next trial's, ``infos["final_obs"]`` holds the last one and
-    ``infos["final_info"]`` the trial's measures.
+    Spaces, reward, start, end and info are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. What follows the end of an
+    arm's trial is said by ``autoreset_mode``, as in Gymnasium's own vector environments:
+
+    - ``"SameStep"``: the next trial begins in the same step. The observation is the next trial's;
+      ``infos["final_obs"]`` holds the last one, and ``infos["final_info"]`` the whole info of the last step.
+      ``infos["vector_reward"]`` and ``infos["distance"]`` are the last step's too, for every arm at every step.
+    - ``"NextStep"``: the observation and the info are the last ones; the next step begins the arm's next trial,
+      whatever its action, and returns a reward of 0. Gymnasium's ``NormalizeObservation`` asks for this mode.
+    - ``"Disabled"``: nothing follows; ``reset(options={"reset_mask": mask})`` begins the next trials of these arms.
 
     Args:
         num_envs: number of arms.
         task, render_mode, **settings: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`.
         device: ``"cpu"`` or a CUDA device.
+        autoreset_mode: one of Gymnasium's ``AutoresetMode``, or its value.
+
+    Raises:
+        ValueError: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`, or an unknown mode.
     """
 
     metadata: dict[str, Any] = ArmEnv.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
 
     def __init__(
         self,
-        num_envs: int = 1,
+        num_envs: SupportsIndex = 1,
         task: str | Task = "random_reach",
         render_mode: str | None = None,
         device: str = "cpu",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         **settings: Any,
     ) -> None:
-        self._venv = ArmVecEnv(num_envs, task, render_mode, device, **settings)
-        self.metadata = self.metadata | {"render_fps": self._venv.metadata["render_fps"]}
-        self.num_envs = num_envs
+        self.num_envs = operator.index(num_envs)
         self.render_mode = render_mode
-        self.single_observation_space = self._venv.observation_space
-        self.single_action_space = self._venv.action_space
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._mode = _mode(autoreset_mode)
+        trials = TrialSettings(**settings)
+        fps = render_fps(trials.arm.timestep)
+        self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": fps}
+        self._batch = TrialBatch(make_task(task), trials, self.num_envs, device)
+        # Gymnasium wants a picture of every arm; a window has no room for them.
+        self._view = SceneView(self._batch, render_mode, MAX_DRAWN if render_mode == "human" else self.num_envs)
+        self._streams: TrialStreams | None = None
+        self._ended = np.zeros(self.num_envs, dtype=np.bool_)
+        low, high = trials.observation_bounds()
+        self.single_observation_space = spaces.Box(low, high)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (N_MUSCLES,))
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Float32, dict[str, Any]]:
         """Start a new trial on every arm; arm i from ``seed + i``, or from the i-th of a list of seeds.
 
-        Raises:
-            ValueError: options, or a list of another length than the number of arms.
-        """
-        if options:
-            raise ValueError(f"ArmVectorEnv starts every arm by drawing; it takes no reset options, got {options}.")
-        if isinstance(seed, int):
-            seed = [seed + i for i in range(self.num_envs)]
-        if seed is not None:
-            if len(seed) != self.num_envs:
-                raise ValueError(f"{self.num_envs} arms need {self.num_envs} seeds, got {len(seed)}.")
-            self._venv.seed_arms(seed)
-        observation = self._venv.reset()
-        assert isinstance(observation, np.ndarray)
-        return observation, {}
+        Args:
+            seed: one for all, or one an arm; where it is None, the arm's trials go on.
+            options: ``{"reset_mask": mask}``, (num_envs,) bool, starts these arms alone.
 
-    def step(self, actions: Float32) -> tuple[Float32, Float32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        self._venv.step_async(actions)
-        observation, reward, done, final_infos = self._venv.step_wait()
-        assert isinstance(observation, np.ndarray)
-        batch = self._venv.batch
-        infos: dict[str, Any] = {
-            "vector_reward": self._venv.last_vector_reward,
-            "_vector_reward": np.ones(self.num_envs, dtype=np.bool_),
-            # Where a trial just ended the clock is 0, and entry -1 is that trial's last.
-            "distance": batch.distance[np.arange(self.num_envs), batch.clock - 1].astype(float),
-            "_distance": np.ones(self.num_envs, dtype=np.bool_),
-        }
-        for arm in np.flatnonzero(done):
-            final_info = final_infos[arm]
-            final_obs = final_info.pop("terminal_observation")
-            final_info.pop("TimeLimit.truncated")
-            final_info.pop("episode")
-            final_info["vector_reward"] = infos["vector_reward"][arm]
-            final_info["distance"] = infos["distance"][arm]
-            infos = self._add_info(infos, {"final_obs": final_obs, "final_info": final_info}, int(arm))
-        return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), done, infos
+        Raises:
+            TypeError, ValueError: other options, a mask that is none, or as many seeds as there are no arms.
+        """
+        arms = self._chosen(options or {})
+        if isinstance(seed, SupportsIndex):
+            seed = [operator.index(seed) + arm for arm in range(self.num_envs)]
+        if seed is None:
+            seed = [None] * self.num_envs
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{self.num_envs} arms need {self.num_envs} seeds, got {len(seed)}.")
+        seeds = [
+            None if one is None or not chosen else operator.index(one) for one, chosen in zip(seed, arms, strict=True)
+        ]
+        if self._streams is None:
+            if not arms.all():
+                raise RuntimeError("the first reset() starts every arm: call it without a reset_mask.")
+            self._streams = TrialStreams(self._batch, seeds)
+        else:
+            self._streams.reseed(seeds)
+        self._start(arms)
+        self._ended[arms] = False
+        self._view.advance()
+        return self._batch.observation.copy(), {}
+
+    def step(self, actions: Float32) -> tuple[Float32, Float32, Mask, Mask, dict[str, Any]]:
+        """Make a step of every arm.
+
+        Args:
+            actions: (num_envs, 6) in [-1, 1]; outside values act as the nearest bound.
+
+        Returns:
+            Observations (num_envs, 16), rewards, terminations (never), truncations, and infos with their masks.
+
+        Raises:
+            ValueError: actions of another shape, or that are not finite.
+            RuntimeError: before the first :meth:`reset`, or for an arm whose trial is over if autoreset is disabled.
+        """
+        batch = self._batch
+        if self._streams is None:
+            raise RuntimeError("call reset() before the first step().")
+        if self._mode is AutoresetMode.DISABLED and self._ended.any():
+            over = np.flatnonzero(self._ended).tolist()
+            raise RuntimeError(f'the trials of the arms {over} are over: reset(options={{"reset_mask": …}}) first.')
+        begun = self._ended  # in the next-step mode alone, there are any
+        if begun.any():
+            self._start(begun)
+            with batch.standing(begun):
+                batch.step(actions)
+        else:
+            batch.step(actions)
+        moved = ~begun
+        self._ended = batch.clock >= batch.settings.trial_length
+        truncated = self._ended.copy()
+        rewards = np.where(moved, batch.reward, np.float32(0))
+        infos = self._infos(moved)
+        if self._mode is AutoresetMode.SAME_STEP and truncated.any():
+            self._start(truncated)
+            self._ended[:] = False
+        self._view.advance()
+        return batch.observation.copy(), rewards, np.zeros(self.num_envs, dtype=np.bool_), truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Return one (480, 480, 3) RGB picture an arm, of the first few, in mode "rgb_array"."""
-        return tuple(self._venv.get_images()) if self.render_mode == "rgb_array" else None  # type: ignore[arg-type]
+        """Return one (480, 480, 3) RGB picture an arm in mode "rgb_array"; in mode "human" each step shows some."""
+        return tuple(self._view.pictures()) if self.render_mode == "rgb_array" else None
 
     def close_extras(self, **kwargs: Any) -> None:
-        self._venv.close()
+        self._view.close()
+
+    def _chosen(self, options: dict[str, Any]) -> Mask:
+        """Return the arms that :meth:`reset` starts."""
+        if unknown := sorted(set(options) - {"reset_mask"}):
+            raise ValueError(f"ArmVectorEnv draws its trials and takes no reset options but reset_mask, got {unknown}.")
+        if "reset_mask" not in options:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        mask = options["reset_mask"]
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"reset_mask must be a NumPy array of bool, got {mask!r}.")
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(f"reset_mask must choose one or more of {self.num_envs} arms, got {mask!r}.")
+        return mask.copy()
+
+    def _start(self, arms: Mask) -> None:
+        """Begin the next trial of each of ``arms``."""
+        assert self._streams is not None
+        self._streams.start(np.flatnonzero(arms).astype(np.int32))
+
+    def _infos(self, moved: Mask) -> dict[str, Any]:
+        """Return the infos of a step that ``moved`` made and the others did not, before trials begin anew."""
+        batch, infos = self._batch, dict[str, Any]()
+        if not moved.any():
+            return infos
+        distance = batch.distance[np.arange(self.num_envs), batch.clock - 1].astype(float)
+        pairs = np.where(moved[:, None], batch.vector_reward, np.float32(0))
+        infos |= {"vector_reward": pairs, "_vector_reward": moved.copy()}
+        infos |= {"distance": np.where(moved, distance, 0), "_distance": moved.copy()}
+        over = np.flatnonzero(self._ended)
+        for arm, final in zip(over.tolist(), final_infos(batch, over.astype(np.int32)), strict=True):
+            if self._mode is AutoresetMode.SAME_STEP:
+                last = {"vector_reward": pairs[arm], "distance": float(distance[arm]), **final}
+                final = {"final_obs": batch.observation[arm].copy(), "final_info": last}
+            infos = self._add_info(infos, final, arm)
+        return infos
+
+
+def _mode(name: str | AutoresetMode) -> AutoresetMode:
+    try:
+        return AutoresetMode(name)
+    except ValueError:
+        known = ", ".join(repr(mode.value) for mode in AutoresetMode)
+        raise ValueError(f"unknown autoreset_mode {name!r}; choose from {known}.") from None

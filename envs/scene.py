@@ -37,16 +37,17 @@ class SceneView:
     Args:
         batch: the arms.
         render_mode: None, ``"rgb_array"`` or ``"human"``.
+        most: arms drawn of a larger batch.
 
     Raises:
         ValueError: another mode.
     """
 
-    def __init__(self, batch: TrialBatch, render_mode: str | None) -> None:
+    def __init__(self, batch: TrialBatch, render_mode: str | None, most: int = MAX_DRAWN) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; choose from None, {', '.join(RENDER_MODES)}.")
         self._batch, self._mode = batch, render_mode
-        self._paths: list[list[NDArray[np.float32]]] = [[] for _ in range(min(batch.n, MAX_DRAWN))]
+        self._paths: list[list[NDArray[np.float32]]] = [[] for _ in range(min(batch.n, most))]
         self._window: Window | None = None
 
     def advance(self) -> None:

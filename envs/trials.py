@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -150,6 +151,18 @@ class TrialBatch:
         if not self._on_cpu:
             self._action.assign(self._host_action)
         self._step_command.launch()
+        if not self._on_cpu:
+            self._fetch()
+
+    @contextlib.contextmanager
+    def standing(self, arms: NDArray[np.bool_]) -> Iterator[None]:
+        """A context in which steps leave ``arms`` (n,), whose trials have just begun, as they are."""
+        kept = {name: array[arms].copy() for name, array in self.state_arrays().items()}
+        yield
+        for name, array in self.state_arrays().items():
+            array[arms] = kept[name]
+            if not self._on_cpu:
+                getattr(self._arrays, name).assign(array)
         if not self._on_cpu:
             self._fetch()
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from arm_faces import each_setting
 
-from bilateral_rl.envs import Arm, ArmState, ArmVecEnv
+from bilateral_rl.envs import Arm, ArmState, ArmVecEnv, ArmVectorEnv
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
 
@@ -63,6 +63,21 @@ def test_a_vecenv_on_cuda_runs_the_same_trials_as_on_the_cpu(settings):
             if info:
                 np.testing.assert_allclose(info["terminal_observation"], other["terminal_observation"], atol=1e-4)
                 np.testing.assert_allclose(info["final_error"], other["final_error"], atol=1e-5)
+
+
+@each_setting
+def test_arms_on_cuda_that_begin_apart_stand_still_while_the_others_move(settings):
+    cpu, cuda = (
+        ArmVectorEnv(5, device=device, trial_length=LENGTH, autoreset_mode="NextStep", **settings)
+        for device in ("cpu", "cuda")
+    )
+    np.testing.assert_allclose(cuda.reset(seed=3)[0], cpu.reset(seed=3)[0], atol=1e-5)
+    for k, command in enumerate(actions(3 * LENGTH, 5)):
+        if k == 2:
+            mask = np.arange(5) % 2 == 0
+            np.testing.assert_allclose(*(v.reset(options={"reset_mask": mask})[0] for v in (cuda, cpu)), atol=1e-4)
+        for ours, reference in zip(cuda.step(command)[:4], cpu.step(command)[:4], strict=True):
+            np.testing.assert_allclose(ours, reference, atol=1e-4)
 
 
 @each_setting
