@@ -12,12 +12,14 @@ from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
-from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands, check_traces
+from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_commands, check_traces
 from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.quantities import finite, whole, widths
+from bilateral_rl.policies.sb3_arguments import NOT_AVAILABLE, available
 from bilateral_rl.vocabulary import Architecture
 
 
-class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
+class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
     """Actor-critic policy whose actor is one of the paper's networks.
 
     An action is ``tanh`` of a Gaussian around half the network's output before its sigmoid, rescaled to the action
@@ -36,12 +38,15 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         critic_arch: units of each hidden layer of a critic.
         n_streams: number of reward streams, a critic for each. SB3's scalar value is the mean of the streams' values.
         n_traces: traces of past actions that the critics see besides the observation, as many as the algorithm keeps.
+        critic_activation_fn: what follows each hidden layer of a critic; the network's hidden units are tanh.
         log_std_init: log of the initial standard deviation, before the squashing.
-        use_sde: must be False: there is no state-dependent exploration (gSDE).
-        **kwargs: further arguments of SB3's ``ActorCriticPolicy``.
+        **kwargs: further arguments of SB3's ``ActorCriticPolicy``: those on features extractors, images and the
+            optimizer. ``net_arch``, ``activation_fn``, ``ortho_init``, ``squash_output`` and what concerns
+            state-dependent exploration (gSDE) could not have their effect and are refused.
 
     Raises:
-        ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or gSDE.
+        ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or an argument that could
+            not have its effect.
     """
 
     architecture: ClassVar[Architecture] = "bilateral"
@@ -58,26 +63,27 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         critic_arch: tuple[int, ...] = (64, 64),
         n_streams: int = 1,
         n_traces: int = 0,
+        critic_activation_fn: type[nn.Module] = nn.ReLU,
         log_std_init: float = 0.0,
-        use_sde: bool = False,
         **kwargs: Any,
     ) -> None:
-        check_commands(action_space, use_sde)
+        check_commands(action_space)
         self._network: dict[str, Any] = {
             "architecture": architecture or type(self).architecture,
-            "units": units,
-            "layers": layers,
+            "units": whole("units", units),
+            "layers": whole("layers", layers),
         }
-        self.critic_arch = tuple(critic_arch)
-        self.n_streams, self.n_traces = n_streams, n_traces
+        self.critic_arch = widths("critic_arch", critic_arch)
+        self.critic_activation_fn = critic_activation_fn
+        self.n_streams, self.n_traces = whole("n_streams", n_streams), whole("n_traces", n_traces, least=0)
         super().__init__(
             observation_space,
             action_space,
             lr_schedule,
             net_arch=[],
             ortho_init=False,
-            log_std_init=log_std_init,
-            **kwargs,
+            log_std_init=finite("log_std_init", log_std_init),
+            **available(kwargs),
         )
 
     def _build(self, lr_schedule: Schedule) -> None:
@@ -86,18 +92,17 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
         self._squash_output = True
         self.action_dist = SquashedDiagGaussianDistribution(n_actions)
         traces_dim = self.n_traces * (n_actions + 1)
-        self.mlp_extractor = _Latents(  # type: ignore[assignment]
-            self.features_dim, n_actions, self._network, self.critic_arch, self.n_streams, traces_dim
-        )
+        actor = make_network(n_inputs=self.features_dim, n_outputs=n_actions, **self._network)
+        critics = [
+            _critic(self.features_dim + traces_dim, self.critic_arch, self.critic_activation_fn)
+            for _ in range(self.n_streams)
+        ]
+        self.mlp_extractor = _Latents(actor, critics, traces_dim)  # type: ignore[assignment]
         self.action_net = nn.Identity()  # type: ignore[assignment]
         self.value_net = _MeanOfStreams()  # type: ignore[assignment]
         self.log_std = nn.Parameter(torch.full((n_actions,), float(self.log_std_init)))
         self._use_fused_adam()
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
-        self._constrain_after_steps()
-
-    def _network_optimizer(self) -> torch.optim.Optimizer:
-        return self.optimizer
 
     @property
     def motor_network(self) -> MotorNetwork:
@@ -136,13 +141,14 @@ class BilateralActorCriticPolicy(MotorPolicy, ActorCriticPolicy):
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()
-        for name in ("net_arch", "ortho_init", "activation_fn", "squash_output", "full_std", "use_expln"):
-            del data[name]
-        return (
-            data
-            | self._network
-            | {"critic_arch": self.critic_arch, "n_streams": self.n_streams, "n_traces": self.n_traces}
-        )
+        critics = {
+            "critic_arch": self.critic_arch,
+            "n_streams": self.n_streams,
+            "n_traces": self.n_traces,
+            "critic_activation_fn": self.critic_activation_fn,
+            "share_features_extractor": self.share_features_extractor,  # which SB3 forgets
+        }
+        return {name: value for name, value in data.items() if name not in NOT_AVAILABLE} | self._network | critics
 
 
 class UnilateralPolicy(BilateralActorCriticPolicy):
@@ -166,20 +172,12 @@ class CallosalPolicy(BilateralActorCriticPolicy):
 class _Latents(nn.Module):
     """SB3's ``mlp_extractor``: maps features to half the actor's output, and to the streams' values."""
 
-    def __init__(
-        self,
-        n_inputs: int,
-        n_actions: int,
-        network: dict[str, Any],
-        critic_arch: tuple[int, ...],
-        n_streams: int,
-        traces_dim: int,
-    ) -> None:
+    def __init__(self, actor: MotorNetwork, critics: list[nn.Sequential], traces_dim: int) -> None:
         super().__init__()
-        self.actor = make_network(n_inputs=n_inputs, n_outputs=n_actions, **network)
+        self.actor = actor
         self.traces_dim = traces_dim
-        self.critics = nn.ModuleList(_critic(n_inputs + traces_dim, critic_arch) for _ in range(n_streams))
-        self.latent_dim_pi, self.latent_dim_vf = n_actions, n_streams
+        self.critics = nn.ModuleList(critics)
+        self.latent_dim_pi, self.latent_dim_vf = actor.n_outputs, len(critics)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Map features (n, n_inputs) to half the actor's output (n, n_actions) and the values (n, n_streams)."""
@@ -211,11 +209,11 @@ class _MeanOfStreams(nn.Module):
         return values.mean(dim=1, keepdim=True)
 
 
-def _critic(n_inputs: int, widths: tuple[int, ...]) -> nn.Sequential:
-    """Build a value network, (n, n_inputs) to (n, 1), with ReLU and orthogonal kernels between."""
+def _critic(n_inputs: int, units: tuple[int, ...], activation_fn: type[nn.Module]) -> nn.Sequential:
+    """Build a value network, (n, n_inputs) to (n, 1), whose hidden layers begin with orthogonal kernels."""
     layers: list[nn.Module] = []
-    for width in widths:
-        layers += [nn.Linear(n_inputs, width), nn.ReLU()]
+    for width in units:
+        layers += [nn.Linear(n_inputs, width), activation_fn()]
         nn.init.orthogonal_(layers[-2].weight, gain=2**0.5)  # type: ignore[arg-type]
         nn.init.zeros_(layers[-2].bias)  # type: ignore[arg-type]
         n_inputs = width

@@ -35,10 +35,6 @@ class MotorPolicy(BasePolicy):
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
 
-    @abstractmethod
-    def _network_optimizer(self) -> torch.optim.Optimizer:
-        """Return the optimizer that updates the network."""
-
     def _use_fused_adam(self) -> None:
         """Choose Adam's fused kernel, unless another optimizer or another of its kernels is asked for.
 
@@ -48,29 +44,52 @@ class MotorPolicy(BasePolicy):
         if self.optimizer_class is torch.optim.Adam and not other_kernels:
             self.optimizer_kwargs = {"fused": True} | self.optimizer_kwargs
 
-    def _constrain_after_steps(self) -> None:
-        """Let the network project its parameters after every step of its optimizer.
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name == "motor_network":  # torch would keep a module of that name, which nothing uses
+            raise AttributeError(
+                "the motor network of a policy cannot be replaced; load weights into it, by "
+                "policy.motor_network.load_state_dict(other.state_dict())."
+            )
+        super().__setattr__(name, value)
 
-        A hook, and not a line in the algorithms' ``train``, so that updates by SB3's own training loops project too.
-        """
-        self._network_optimizer().register_step_post_hook(lambda *_: self.motor_network.constrain())
+
+class Constrained(nn.Module):
+    """Mixin of what an optimizer moves a motor network with: after every step, the network projects.
+
+    A hook of the optimizer, and not a line in the algorithms' ``train``, so that updates by SB3's own training loops
+    project too; and of whatever optimizer is assigned, so that one of the user's own projects as well.
+    """
+
+    @property
+    @abstractmethod
+    def motor_network(self) -> MotorNetwork:
+        """The network."""
+
+    @property
+    def optimizer(self) -> torch.optim.Optimizer:
+        """What moves the network, and what it is trained with."""
+        optimizer: torch.optim.Optimizer = self._optimizer  # type: ignore[assignment] # torch: "a tensor or module"
+        return optimizer
+
+    @optimizer.setter
+    def optimizer(self, optimizer: torch.optim.Optimizer) -> None:
+        self._optimizer = optimizer
+        optimizer.register_step_post_hook(lambda *_: self.motor_network.constrain())
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # A copied optimizer has lost its hooks.
         super().__setstate__(state)  # type: ignore[no-untyped-call]
-        self._constrain_after_steps()
+        if "_optimizer" in state:  # which has lost its hooks by being copied
+            self.optimizer = state["_optimizer"]
 
 
-def check_commands(action_space: spaces.Space[Any], use_sde: bool) -> None:
-    """Refuse actions that the networks cannot command, and gSDE.
+def check_commands(action_space: spaces.Space[Any]) -> None:
+    """Refuse actions that the networks cannot command.
 
     Raises:
-        ValueError: an unbounded or non-Box action space, or ``use_sde``.
+        ValueError: an unbounded or non-Box action space.
     """
     if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
         raise ValueError(f"the policy commands muscles in a bounded Box, not {action_space}.")
-    if use_sde:
-        raise ValueError("state-dependent exploration (use_sde) is not available for this policy.")
 
 
 def check_traces(traces_dim: int, traces: Tensor | None) -> None:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION, Lesion, find_lesion
+from bilateral_rl.policies.quantities import whole
 from bilateral_rl.vocabulary import GROUPS, SIDES, Architecture, Side
 
 
@@ -35,10 +36,8 @@ class MotorNetwork(nn.Module, ABC):
 
     def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
         super().__init__()
-        for name, value in (("n_inputs", n_inputs), ("n_outputs", n_outputs), ("units", units), ("layers", layers)):
-            if value < 1:
-                raise ValueError(f"{name} must be at least 1, got {value}.")
-        self.n_inputs, self.n_outputs, self.units, self.layers = n_inputs, n_outputs, units, layers
+        self.n_inputs, self.n_outputs = whole("n_inputs", n_inputs), whole("n_outputs", n_outputs)
+        self.units, self.layers = whole("units", units), whole("layers", layers)
         self.lesion = NO_LESION
 
     @abstractmethod

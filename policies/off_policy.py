@@ -15,16 +15,20 @@ from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
-from bilateral_rl.policies.motor_policy import MotorPolicy, check_commands
+from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_commands
 from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.quantities import finite, switch, whole, widths
+from bilateral_rl.policies.sb3_arguments import NOT_AVAILABLE, available
 from bilateral_rl.policies.stream_critics import StreamCritics
 from bilateral_rl.vocabulary import Architecture
 
+_STD_OF_SAVED = (0.0, -0.5)
+"""Values of ``log_std_init`` that TD3's policies took and had no use for: saved models hold these defaults."""
 LOG_STD_BOUNDS = (-20.0, 2.0)
 """Range of the log of the standard deviation, as in SB3's SAC."""
 
 
-class MotorActor(BasePolicy):
+class MotorActor(Constrained, BasePolicy):
     """One of the paper's networks as SB3's actor: tanh of half the network's output.
 
     As sigmoid(z) = (tanh(z / 2) + 1) / 2, the action in [-1, 1] stands for the network's excitation in [0, 1].
@@ -62,6 +66,11 @@ class MotorActor(BasePolicy):
         if log_std_init is not None:
             self.action_dist = SquashedDiagGaussianDistribution(n_actions)
             self.log_std = nn.Parameter(torch.full((n_actions,), float(log_std_init)))
+
+    @property
+    def motor_network(self) -> MotorNetwork:
+        """The network."""
+        return self.network
 
     def action_mean(self, obs: PyTorchObs) -> Tensor:
         """Return the mean of the Gaussian before the squashing, (n, n_actions)."""
@@ -111,12 +120,15 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         n_streams: number of reward streams.
         n_traces: traces of past actions that the critics see besides the observation, as many as the algorithm keeps.
         standardize_inputs: whether the critics standardize observations and traces.
-        log_std_init: log of the initial standard deviation, before the squashing; SAC only.
-        use_sde: must be False: there is no state-dependent exploration (gSDE).
-        **kwargs: further arguments of SB3's policy.
+        critic_activation_fn: what follows each hidden layer of a critic; the network's hidden units are tanh.
+        log_std_init: log of the initial standard deviation, before the squashing; SAC only, as TD3 has none.
+        **kwargs: further arguments of SB3's policy: those on features extractors, images and the optimizer.
+            ``net_arch``, ``activation_fn`` and what concerns state-dependent exploration (gSDE) could not have their
+            effect and are refused.
 
     Raises:
-        ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or gSDE.
+        ValueError: an unbounded or non-Box action space, sizes that the network cannot have, or an argument that could
+            not have its effect.
     """
 
     NETWORK_KEY = "actor.network."
@@ -139,27 +151,33 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         n_streams: int = 1,
         n_traces: int = 0,
         standardize_inputs: bool = False,
+        critic_activation_fn: type[nn.Module] = nn.ReLU,
         log_std_init: float = 0.0,
-        use_sde: bool = False,
         **kwargs: Any,
     ) -> None:
-        check_commands(action_space, use_sde)
+        check_commands(action_space)
         self._network: dict[str, Any] = {
             "architecture": architecture or type(self).architecture,
-            "units": units,
-            "layers": layers,
+            "units": whole("units", units),
+            "layers": whole("layers", layers),
         }
-        self._log_std_init = log_std_init
-        self.critic_arch = tuple(critic_arch)
-        self.n_critics, self.n_streams = n_critics, n_streams
-        self.n_traces, self.standardize_inputs = n_traces, standardize_inputs
+        self._log_std_init = finite("log_std_init", log_std_init)
+        if not self.stochastic and self._log_std_init not in _STD_OF_SAVED:
+            raise ValueError("log_std_init is not available for TD3, which explores by its action_noise.")
+        self.critic_arch = widths("critic_arch", critic_arch)
+        self.n_critics, self.n_streams = whole("n_critics", n_critics), whole("n_streams", n_streams)
+        self.n_traces = whole("n_traces", n_traces, least=0)
+        self.standardize_inputs = switch("standardize_inputs", standardize_inputs)
+        if kwargs.get("activation_fn") is nn.ReLU:  # in policies that were saved before it was refused
+            del kwargs["activation_fn"]
         super().__init__(
             observation_space,
             action_space,
             lr_schedule,
-            net_arch={"pi": [], "qf": list(critic_arch)},
-            n_critics=n_critics * n_streams,
-            **kwargs,
+            net_arch={"pi": [], "qf": list(self.critic_arch)},
+            activation_fn=critic_activation_fn,
+            n_critics=self.n_critics * self.n_streams,
+            **available(kwargs),
         )
 
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> MotorActor:
@@ -182,10 +200,6 @@ class BilateralOffPolicyPolicy(MotorPolicy):
     def _build(self, lr_schedule: Schedule) -> None:
         self._use_fused_adam()
         super()._build(lr_schedule)  # type: ignore[misc]
-        self._constrain_after_steps()
-
-    def _network_optimizer(self) -> torch.optim.Optimizer:
-        return self.actor.optimizer
 
     @property
     def motor_network(self) -> MotorNetwork:
@@ -226,11 +240,12 @@ class BilateralOffPolicyPolicy(MotorPolicy):
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()
-        for name in ("net_arch", "use_sde", "use_expln", "clip_mean"):
-            data.pop(name, None)
         critics = {"critic_arch": self.critic_arch, "n_critics": self.n_critics, "n_streams": self.n_streams}
         critics |= {"n_traces": self.n_traces, "standardize_inputs": self.standardize_inputs}
-        return data | self._network | critics | {"log_std_init": self._log_std_init}
+        critics |= {"critic_activation_fn": data["activation_fn"]}
+        # SB3's SACPolicy forgets the second.
+        others = {"log_std_init": self._log_std_init, "share_features_extractor": self.share_features_extractor}
+        return {name: v for name, v in data.items() if name not in NOT_AVAILABLE} | self._network | critics | others
 
 
 class BilateralSACPolicy(BilateralOffPolicyPolicy, SACPolicy):  # type: ignore[misc] # an actor of our own

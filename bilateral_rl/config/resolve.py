@@ -40,7 +40,7 @@ def resolve(
     names = _names_of({name: value for layer in (*layers, chosen) for name, value in layer.items()})
     check_names(**names)
     values = tuned_defaults(names["algo"], names["task"])
-    for layer in layers:
+    for layer in map(_without_what_is_gone, layers):
         if _is_whole(layer) and not _is_of_another(layer, names):
             values = {}
         values = merge(values, _without_defaults(layer) if _is_of_another(layer, names) else layer)
@@ -69,6 +69,14 @@ def _is_whole(layer: Mapping[str, Any]) -> bool:
     return all(
         isinstance(w, Mapping) and 2 * len(w.keys() & p.keys()) > len(p) for w, p in zip(whole, parts, strict=True)
     )
+
+
+def _without_what_is_gone(layer: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the whole configuration of a run without settings that did nothing and are no more; others as they are."""
+    if not _is_whole(layer) or layer["algo"] != "td3":
+        return layer
+    # TD3 explores by its action_noise, and has no standard deviation to begin with.
+    return {**layer, "network": {name: v for name, v in layer["network"].items() if name != "log_std_init"}}
 
 
 def _without_defaults(layer: Mapping[str, Any]) -> Values:

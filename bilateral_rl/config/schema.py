@@ -56,11 +56,17 @@ class NetworkConfig:
 
 
 @dataclass(frozen=True, config=STRICT)
-class ActorCriticConfig(NetworkConfig):
-    """The motor network as an actor, and its critics."""
+class CriticsConfig(NetworkConfig):
+    """The motor network and its critics."""
 
     critic_arch: Annotated[tuple[Units, ...], Field(min_length=1, max_length=MOST_LAYERS)] = (64, 64)
     """Units of each hidden layer of a critic."""
+
+
+@dataclass(frozen=True, config=STRICT)
+class ActorCriticConfig(CriticsConfig):
+    """The motor network as an actor that samples, and its critics."""
+
     log_std_init: Number = -0.5
     """Log of the initial standard deviation of the action, before its squashing."""
 
@@ -161,7 +167,7 @@ class RLConfig(TrainConfig):
     """CPU threads of torch. A second one gains a fifth on an idle machine and loses half on a busy one."""
     track: Flag = False
     """Whether Weights & Biases follows the training too."""
-    network: ActorCriticConfig = field(default_factory=ActorCriticConfig)
+    network: CriticsConfig = field(default_factory=CriticsConfig)
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
     @property
@@ -191,6 +197,7 @@ class PPOConfig(RLConfig):
     """A training by PPO."""
 
     algo: str = "ppo"
+    network: ActorCriticConfig = field(default_factory=ActorCriticConfig)
     ppo: PPOHyperparameters = field(default_factory=PPOHyperparameters)
 
 
@@ -199,6 +206,7 @@ class A2CConfig(RLConfig):
     """A training by A2C."""
 
     algo: str = "a2c"
+    network: ActorCriticConfig = field(default_factory=ActorCriticConfig)
     a2c: A2CHyperparameters = field(default_factory=A2CHyperparameters)
 
 
@@ -207,6 +215,7 @@ class SACConfig(RLConfig):
     """A training by SAC."""
 
     algo: str = "sac"
+    network: ActorCriticConfig = field(default_factory=ActorCriticConfig)
     sac: SACHyperparameters = field(default_factory=SACHyperparameters)
 
 

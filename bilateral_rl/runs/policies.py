@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +14,7 @@ from torch import Tensor, nn
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.hyperparameters import OffPolicyHyperparameters
-from bilateral_rl.config.schema import ActorCriticConfig, RLConfig, TrainConfig
+from bilateral_rl.config.schema import ActorCriticConfig, CriticsConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
@@ -68,14 +69,9 @@ def policy_class(config: TrainConfig) -> type[MotorPolicy]:
 def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     """Return the keyword arguments of the run's policy, but for those that an algorithm gives it by itself."""
     network = config.network
-    critics = network if isinstance(network, ActorCriticConfig) else ActorCriticConfig()
-    arguments = {
-        "architecture": config.spec.architecture,
-        "units": network.units,
-        "layers": network.layers,
-        "critic_arch": critics.critic_arch,
-        "log_std_init": critics.log_std_init,
-    }
+    arguments = {"architecture": config.spec.architecture} | dataclasses.asdict(
+        network if isinstance(network, CriticsConfig) else ActorCriticConfig(network.units, network.layers)
+    )
     if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyHyperparameters):
         arguments["n_critics"] = config.hyperparameters.n_critics
     return arguments

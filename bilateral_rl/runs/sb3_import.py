@@ -102,11 +102,15 @@ class SavedModel:
                 "units": network.units,
                 "layers": network.layers,
                 "critic_arch": getattr(policy, "critic_arch", ()),
-                "log_std_init": self.data.get("policy_kwargs", {}).get("log_std_init", 0.0),
+                **({} if algo == "td3" else {"log_std_init": self._log_std_init}),
             },
             algo: self._hyperparameters(algo, policy),
         }
         return resolve(algo, task, [stored, overrides])
+
+    @property
+    def _log_std_init(self) -> float:
+        return float(self.data.get("policy_kwargs", {}).get("log_std_init", 0.0))
 
     def _hyperparameters(self, algo: str, policy: MotorPolicy) -> Values:
         """Collect the algorithm's hyperparameters that are plain numbers, or schedules of them."""

@@ -76,7 +76,8 @@ def test_the_deterministic_action_is_the_networks_sigmoid_output(kind):
 @kinds
 def test_actions_are_rescaled_to_any_bounded_box(kind):
     low, high = np.float32([-1, 0, 2, -5, 0, -1]), np.float32([2, 5, 3, -4, 1, 1])
-    policy = make_policy(kind, actions=spaces.Box(low, high), log_std_init=1.0)
+    wide = {} if kind is BilateralTD3Policy else {"log_std_init": 1.0}
+    policy = make_policy(kind, actions=spaces.Box(low, high), **wide)
     expected = low + excitation(policy) * (high - low)
     np.testing.assert_allclose(deterministic_action(policy), expected, rtol=0, atol=3e-6)
     sampled, _ = policy.predict(observations(500), deterministic=False)
@@ -126,9 +127,13 @@ def test_policy_save_and_load_rebuild_the_same_policy(tmp_path, kind):
         np.testing.assert_array_equal(deterministic_action(loaded), deterministic_action(policy))
 
 
+def network_optimizer(policy):
+    return policy.optimizer if isinstance(policy, BilateralActorCriticPolicy) else policy.actor.optimizer
+
+
 def push_below_zero(policy):
     """One step of the network's optimizer whose gradient drives both combination weights far below zero."""
-    optimizer = policy._network_optimizer()
+    optimizer = network_optimizer(policy)
     optimizer.zero_grad()
     for side in SIDES:
         getattr(policy.motor_network, f"combination_{side}").grad = torch.tensor(1.0)
@@ -153,7 +158,7 @@ def test_another_optimizer_or_kernel_of_it_can_be_chosen(kind):
     chosen = [(torch.optim.SGD, {"momentum": 0.5}), (torch.optim.RMSprop, {}), (torch.optim.Adam, {"foreach": True})]
     for optimizer_class, arguments in chosen:
         policy = make_policy(kind, optimizer_class=optimizer_class, optimizer_kwargs={"weight_decay": 0.5} | arguments)
-        optimizer = policy._network_optimizer()
+        optimizer = network_optimizer(policy)
         assert type(optimizer) is optimizer_class
         assert optimizer.defaults["weight_decay"] == 0.5
         assert push_below_zero(policy) == dict.fromkeys(SIDES, 0.0)

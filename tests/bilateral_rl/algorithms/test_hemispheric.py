@@ -24,7 +24,7 @@ from hemispheric_models import (
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from bilateral_rl.algorithms import HemisphericA2C
+from bilateral_rl.algorithms import HemisphericA2C, HemisphericTD3
 from bilateral_rl.policies import POLICY_ALIASES, SAC_ALIASES
 from bilateral_rl.vocabulary import SIDES
 
@@ -66,7 +66,8 @@ def scale_of_the_last_stream(model):
 def test_the_weight_penalty_touches_exactly_the_groups_it_names_in_the_scale_of_their_loss(algorithm, policy, loss):
     coefficient = 0.3
     # A standard deviation other than 1, whose logarithm would feel a penalty.
-    settings = WHOLE_ROLLOUT[algorithm] | {"reward_scale": 0.5, "policy_kwargs": {"log_std_init": -1.0}}
+    std = {} if algorithm is HemisphericTD3 else {"log_std_init": -1.0}
+    settings = WHOLE_ROLLOUT[algorithm] | {"reward_scale": 0.5, "policy_kwargs": std}
     gradients = []
     for weight_penalty in (0.0, coefficient):
         model = collect(make_model(algorithm, policy, loss=loss, weight_penalty=weight_penalty, **settings))
@@ -132,8 +133,9 @@ def test_an_environments_id_is_enough(algorithm):
 
 
 def test_the_policys_other_settings_are_kept(algorithm):
-    policy_kwargs = {"units": 20, "layers": 3, "critic_arch": (8,), "log_std_init": -1.0}
-    policy = make_model(algorithm, policy_kwargs=policy_kwargs).policy
+    policy_kwargs = {"units": 20, "layers": 3, "critic_arch": (8,)}
+    std = {} if algorithm is HemisphericTD3 else {"log_std_init": -1.0}
+    policy = make_model(algorithm, policy_kwargs=policy_kwargs | std).policy
     assert (policy.motor_network.units, policy.motor_network.layers, policy.n_streams) == (20, 3, 2)
     for name, value in policy.named_parameters():
         if "log_std" in name:

@@ -145,7 +145,7 @@ def test_a_learned_temperature_steers_to_its_target_or_to_minus_the_number_of_mu
 
 @algos
 def test_the_networks_settings_reach_the_policy(algo):
-    network = {"units": 12, "layers": 3, "critic_arch": [5, 4], "log_std_init": -1.25}
+    network = {"units": 12, "layers": 3, "critic_arch": [5, 4]} | ({} if algo == "td3" else {"log_std_init": -1.25})
     policy = build_algorithm(small(algo, network=network)).policy
     assert (policy.motor_network.units, policy.motor_network.layers) == (12, 3)
     assert policy.critic_arch == (5, 4)
