@@ -1,5 +1,8 @@
 """Two-hemisphere motor controllers on a six-muscle arm, trained with stable-baselines3.
 
+For notebooks and scripts there are the words of :mod:`bilateral_rl.api`, such as ``bilateral_rl.train`` and
+``bilateral_rl.load``, imported when they are first used.
+
 ``import bilateral_rl`` registers the environments with Gymnasium and the policies' names with SB3's PPO, A2C, SAC and
 TD3, so that ``PPO("CallosalPolicy", "bilateral_rl/RandomReach-v0")`` works. It imports neither library by itself: what
 needs one is registered as soon as that library is imported.
@@ -17,10 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bilateral_rl import algorithms, envs, policies
+    from bilateral_rl.api import Run, list_runs, load, train
 
 __version__ = "0.2.0"
 
-__all__ = ["__version__", "algorithms", "envs", "policies"]
+__all__ = ["Run", "__version__", "algorithms", "envs", "list_runs", "load", "policies", "train"]
+
+_ROOMS = ("algorithms", "envs", "policies")
 
 _REGISTERED_BY = {"gymnasium": "bilateral_rl.envs.registration", "stable_baselines3": "bilateral_rl.policies"}
 """The module whose import registers with each library."""
@@ -28,9 +34,12 @@ _REGISTERED_BY = {"gymnasium": "bilateral_rl.envs.registration", "stable_baselin
 
 if not TYPE_CHECKING:
 
-    def __getattr__(name: str) -> ModuleType:
-        if name in __all__:
+    def __getattr__(name: str) -> Any:
+        if name in _ROOMS:
             return importlib.import_module(f"{__name__}.{name}")
+        if name in __all__:
+            value = globals()[name] = getattr(importlib.import_module(f"{__name__}.api"), name)
+            return value
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

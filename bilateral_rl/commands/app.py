@@ -103,7 +103,7 @@ def train(
     from bilateral_rl.commands import train as command
 
     flags: dict[str, Any] = {
-        "timesteps": timesteps, "epochs": epochs, "seeds": seeds, "profile": profile,
+        "timesteps": timesteps, "epochs": epochs, "profile": profile,
         "seed": seed, "n_envs": n_envs, "device": device, "init_from": init_from, "track": track,
         "network.units": units, "network.layers": layers, "trial.threshold": threshold,
     }  # fmt: skip
@@ -112,6 +112,7 @@ def train(
             algo=algo,
             model=model,
             task=task,
+            seeds=seeds,
             flags=flags,
             config_file=config,
             overrides=overrides or [],
@@ -119,8 +120,11 @@ def train(
             console=console,
         )
     else:
-        others = {"algo": algo, "model": model, "task": task, "config": config, "set": overrides or None, "out": out}
-        command.resume(path=resume, requested=flags | others, console=console)
+        of_new_ones = {
+            "algo": algo, "model": model, "task": task, "seeds": seeds, "config": config, "set": overrides or None,
+            "out": out,
+        }  # fmt: skip
+        command.resume(path=resume, requested=flags | of_new_ones, console=console)
 
 
 @app.command()
@@ -220,7 +224,6 @@ def lesion(
 ) -> None:
     """Lesion a trained model in every way it can be, let it adapt, and test it beside a fresh one treated alike."""
     from bilateral_rl.commands import lesion as command
-    from bilateral_rl.commands.protocol_options import chosen_protocols
 
     settings: dict[str, Any] = {
         "epochs": retrain_epochs, "learning_rate": retrain_learning_rate, "optimizer": retrain_optimizer,
@@ -229,7 +232,9 @@ def lesion(
     command.lesion(
         run=run,
         lesions=lesions,
-        protocols=chosen_protocols(retrain, no_retrain, settings),
+        retrain=retrain,
+        no_retrain=no_retrain,
+        settings=settings,
         control=not no_control,
         profile=profile,
         trials=trials,

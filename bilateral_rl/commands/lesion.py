@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import pandas as pd
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
 
-from bilateral_rl.analysis.protocols import Protocol
-from bilateral_rl.commands.checks import check_trials
+from bilateral_rl.api import lesioning
+from bilateral_rl.api.protocols import chosen_protocols
+from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.lesion_tables import print_lesions
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.lesions import lesion_words
-from bilateral_rl.runs.policies import parse_run
-from bilateral_rl.study.lesion_folder import RESULTS, LesionFolder, lesion_metrics
-from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
+from bilateral_rl.study.lesion_folder import RESULTS, lesion_metrics
 
 
 def lesion(
     *,
     run: str,
     lesions: Sequence[str] | None,
-    protocols: Sequence[Protocol],
+    retrain: Sequence[str] | None,
+    no_retrain: bool,
+    settings: Mapping[str, Any],
     control: bool,
     profile: str | None,
     trials: int,
@@ -39,7 +38,9 @@ def lesion(
     Args:
         run: RUN, or RUN:SEED for one network of it.
         lesions: their names; None for all that the model can have.
-        protocols: what follows each lesion; each state is tested once per protocol.
+        retrain: what adapts after each lesion; each state is tested once for each of them. None for the usual ones.
+        no_retrain: whether nothing does.
+        settings: how to retrain; None where nothing was said.
         control: whether fresh networks are treated alike.
         profile: whose combined lesions: "paper" or "released"; None for the run's profile.
         trials: number of trials of each test.
@@ -51,41 +52,37 @@ def lesion(
     Raises:
         UserError: what cannot be lesioned or written; nothing is left then.
     """
-    check_trials(trials, seed)
-    folder, only = parse_run(run)
-    settings = LesionSettings(
-        lesions=tuple(lesions) if lesions else None,
-        protocols=tuple(protocols),
+    chosen = find_run(run)
+    folder = out or chosen.lesions_folder
+
+    def show(made: lesioning.Lesions) -> None:
+        title = f"{run} ({weights}), {trials} trials of seed {seed}"
+        console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
+        print_lesions(made.results, lesion_metrics(made.config), console)
+
+    made = lesioning.lesion(
+        chosen,
+        lesions,
+        chosen_protocols(_words(retrain, no_retrain), settings),
         control=control,
         profile=profile,
         trials=trials,
         seed=seed,
+        weights=weights,
+        out=folder,
+        progress=console,
+        show=show,
     )
-    study = LesionStudy(folder, settings, only, weights)
-    output = LesionFolder(out) if out else LesionFolder.beside(folder, only)
-    if out is None and output.path.is_symlink():
-        raise UserError(f"{output.path} is a link; name where it leads by --out, or remove it.")
-    description = output.describe(folder, settings, only, weights)
-    with output.claimed(folder, description):
-        replaces_stale = output.holds_stale_results(folder)
-        results = _with_progress(study, console)
-        try:
-            output.write(results, description, study.config)
-        finally:
-            title = f"{run} ({weights}), {trials} trials of seed {seed}"
-            console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
-            print_lesions(results, lesion_metrics(study.config), console)
-    if replaces_stale:
+    if made.replaces_stale:
         console.print("[yellow]Note:[/yellow] these take the place of lesions of weights that the run no longer has.")
-    path = escape(shlex.quote(str(output.path)))
+    path = escape(shlex.quote(str(folder)))
     console.print(f"Saved in [bold]{path}[/bold]: {RESULTS}, figures and tensorboard.", soft_wrap=True, highlight=False)
 
 
-def _with_progress(study: LesionStudy, console: Console) -> pd.DataFrame:
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("lesioning", total=len(study.names))
-
-        def on_state(done: int, total: int, name: str) -> None:
-            progress.update(task, completed=done, description=lesion_words(name) or "done")
-
-        return study.run(on_state)
+def _words(retrain: Sequence[str] | None, no_retrain: bool) -> Sequence[str] | None:
+    """Return what --retrain comes to beside --no-retrain. Raises UserError if they contradict each other."""
+    if not no_retrain:
+        return retrain
+    if others := [word for word in retrain or () if word != "none"]:
+        raise UserError(f"--no-retrain leaves nothing for --retrain {others[0]} to do; leave one of them out.")
+    return ["none"]

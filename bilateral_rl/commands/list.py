@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bilateral_rl.api.listing import Listed, listed
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
 from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.io.errors import UserError
-from bilateral_rl.runs.folder import find_runs
 
 
 def list_all(out: Path, console: Console) -> None:
@@ -28,25 +25,19 @@ def list_all(out: Path, console: Console) -> None:
         for name, description in entries.items():
             table.add_row(name, description)
         console.print(table)
-    runs = find_runs(out)
+    runs = listed(out)
     if not runs:
         console.print(f"No runs below {out} yet; `bilateral-rl train` makes one.")
         return
     table = Table("run", "state", "done", title="Runs", title_justify="left")
     for run in runs:
-        try:
-            run.config()
-            status = run.status()
-        except UserError:
-            status = {"state": "unreadable"}
-        table.add_row(escape(str(run.path)), escape(status.get("state", "?")), _done(status))
+        table.add_row(escape(run.run), escape(run.state), _done(run))
     console.print(table)
 
 
-def _done(status: Mapping[str, Any]) -> str:
+def _done(run: Listed) -> str:
     """Say how far the seed that came furthest has come."""
-    n_seeds = len(status.get("seeds", []))
-    of_seeds = f" of {n_seeds} seeds" if n_seeds > 1 else ""
-    if "epochs" in status:
-        return f"{status['epochs']} epochs{of_seeds}"
-    return f"{status['timesteps']:,} steps{of_seeds}" if status.get("timesteps") else ""
+    of_seeds = f" of {run.seeds} seeds" if (run.seeds or 1) > 1 else ""
+    if run.epochs is not None:
+        return f"{run.epochs} epochs{of_seeds}"
+    return f"{run.timesteps:,} steps{of_seeds}" if run.timesteps else ""

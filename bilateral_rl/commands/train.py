@@ -13,16 +13,12 @@ from rich.markup import escape
 
 from bilateral_rl.analysis.modulation import side_modulations
 from bilateral_rl.analysis.trials import Evaluator
-from bilateral_rl.commands.training_report import TrainingProgress, measures_table, sides_line
-from bilateral_rl.config import parse as settings
-from bilateral_rl.config.resolve import resolve
+from bilateral_rl.api.training import go_on, start
+from bilateral_rl.commands.training_report import measures_table, sides_line
+from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.config.seeds import parse_seeds
 from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
-from bilateral_rl.runs.policies import parse_run
-from bilateral_rl.training import run as training
 from bilateral_rl.training.progress import Outcome
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 
@@ -34,6 +30,7 @@ def train(
     algo: str | None,
     model: str | None,
     task: str | None,
+    seeds: str | None,
     flags: Mapping[str, Any],
     config_file: Path | None,
     overrides: Sequence[str],
@@ -42,44 +39,17 @@ def train(
 ) -> None:
     """Train from scratch: tuned defaults < file < --set < flags."""
     layers = [read_settings(config_file)] if config_file else []
-    layers += [settings.parse_overrides(overrides), _nested(_with_seeds(flags))]
-    config = resolve(algo, task, layers, model=model)
-    _run(training.prepare(config), out, console)
+    layers.append(parse_overrides(overrides))
+    _report(start(algo, model, task, seeds, flags, layers, out, console), console)
 
 
 def resume(path: Path, requested: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
-    _refuse_but(("timesteps", "epochs", "track", "device"), requested)
-    folder, seed = parse_run(str(path))
-    if seed is not None:
-        raise UserError(f"--resume goes on with the whole run: give it {folder.path}, without :{seed}.")
-    values = folder.config().to_values()
-    allowed = [name for name in ("timesteps", "epochs", "track", "device") if name in values]
-    _refuse_but(allowed, requested)
-    if "track" in values:
-        values["track"] = False  # the run may be somebody else's: who goes on with it says whether it is tracked
-    config = resolve(None, None, [values | {name: requested[name] for name in allowed if requested[name] is not None}])
-    _run(training.prepare_resume(folder, config), folder.path.parent.parent, console)
+    _report(go_on(path, requested, console), console)
 
 
-def _run(prepared: training.Prepared, out: Path, console: Console) -> None:
-    config = prepared.config
-    with TrainingProgress(config, console) as progress:
-        if prepared.folder is None:  # what is saved may still be refused
-            progress.announce()  # compiling the arm, the first time, takes a while
-        outcome = training.run(prepared, out, progress)
-    _report(config, outcome, console)
-
-
-def _refuse_but(allowed: Sequence[str], requested: Mapping[str, Any]) -> None:
-    for name, value in requested.items():
-        if value is not None and name not in allowed:
-            flag = name.rpartition(".")[2].replace("_", "-")
-            flags = ", ".join(f"--{one}" for one in allowed)
-            raise UserError(f"A resumed run keeps its settings: --resume takes only {flags} here, not --{flag}.")
-
-
-def _report(config: TrainConfig, outcome: Outcome, console: Console) -> None:
+def _report(outcome: Outcome, console: Console) -> None:
+    config = outcome.folder.config()
     for note in outcome.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     path = escape(shlex.quote(str(outcome.folder.path)))
@@ -116,21 +86,3 @@ def _next_training(config: TrainConfig, path: str, out: str) -> str:
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"
     other = next(task for task in TASK_SPECS if task != config.task)
     return f"bilateral-rl train --model {config.model} --task {other} --out {out}"
-
-
-def _with_seeds(flags: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the flags with the settings that ``--seeds`` comes to in its place."""
-    if flags["seeds"] is None:
-        return flags
-    return {**flags, **parse_seeds(flags["seeds"], "" if flags["seed"] is None else "--seed").settings}
-
-
-def _nested(flags: Mapping[str, Any]) -> dict[str, Any]:
-    nested: dict[str, Any] = {}
-    for name, value in flags.items():
-        if value is None:
-            continue
-        for part in reversed(name.split(".")):
-            value = {part: value}
-        nested = settings.merge(nested, value)
-    return nested

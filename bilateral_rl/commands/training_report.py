@@ -1,13 +1,11 @@
-"""What people see on the terminal: how a training comes along, and what was measured."""
+"""What was measured, as tables and lines for the terminal."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
@@ -15,83 +13,7 @@ from bilateral_rl.analysis.goals import in_centimeters
 from bilateral_rl.analysis.modulation import SideModulation
 from bilateral_rl.analysis.trials import TrialRecord, summaries
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.io.text import seed_range
-from bilateral_rl.training import progress
 from bilateral_rl.vocabulary import SIDES
-
-
-class TrainingProgress(progress.Progress):
-    """A bar with the remaining time and the present goal completion; lines where there is no terminal."""
-
-    def __init__(self, config: TrainConfig, console: Console) -> None:
-        self._config, self._console = config, console
-        self._draws = console.is_terminal and not console.is_dumb_terminal
-        self._bar = Progress(
-            TextColumn("[bold]training"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeRemainingColumn(),
-            TextColumn("left"),
-            TextColumn("{task.fields[goal]}"),
-            TextColumn("{task.fields[speed]}"),
-            console=console,
-            disable=not self._draws,
-        )
-        self._task = self._bar.add_task("train", total=config.total, start=False, speed="", goal="")
-        self._announced = False
-
-    def __enter__(self) -> TrainingProgress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._announced:
-            self._bar.stop()
-
-    def announce(self) -> None:
-        """Say what begins, at the latest when it does; before that, it may still be refused."""
-        if not self._announced:
-            self._announced = True
-            self._console.print(training_title(self._config))
-            self._bar.start()
-
-    def on_start(self, done: int) -> None:
-        self.announce()
-        self._bar.reset(self._task, completed=done)
-
-    def on_step(self, done: int) -> None:
-        speed = self._bar.tasks[self._task].speed
-        self._bar.update(self._task, completed=done, speed=self._speed(speed) if speed else "")
-
-    def on_stop(self) -> None:
-        self._console.print("Stopping; saving first. Ctrl-C again stops at once, without what is not saved yet.")
-
-    def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
-        goal = f"goal {measures['goal_completion_percent']:.0f} %"
-        where = f"{done:>12,} steps"
-        if "seed" in measures:  # one of several trainings side by side
-            where = f"{where} of all seeds, seed {measures['seed']:.0f}"
-            goal = f"seed {measures['seed']:.0f}, {goal}" if self._draws else goal
-        if "epoch" in measures:
-            training = f"{measures['seeds_training']:.0f} of {self._config.seeds} seeds training"
-            where = f"epoch {measures['epoch']:>3.0f}, {training}, validation loss {measures['validation_loss']:.3f}"
-            goal = f"epoch {measures['epoch']:.0f}, {training}, {goal}" if self._draws else goal
-        self._bar.update(self._task, goal=goal)
-        if not self._draws:
-            inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
-            error = f"final error {measures['final_error_cm']:.1f} cm"
-            self._console.print(f"{where}: {goal}, {inside}, {error}", highlight=False, soft_wrap=True)
-
-    def _speed(self, speed: float) -> str:
-        if self._config.unit == "updates":
-            return f"{speed:.0f} updates/s"
-        return f"{speed / 1000:.0f} k steps/s"
-
-
-def training_title(config: TrainConfig) -> str:
-    """Say what a training is about to do, with markup."""
-    seeds = seed_range(config.all_seeds) + (" side by side" if config.seeds > 1 else "")
-    what = f"[bold]{config.model}[/bold] learns [bold]{config.task}[/bold] by {config.algo}"
-    return f"{what}: {config.plan}, {seeds}. Ctrl-C stops and saves."
 
 
 def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, title: str) -> Table:

@@ -32,6 +32,17 @@ def flat(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]
             yield f"{path}{name}", value
 
 
+def nested(values: Mapping[str, Any]) -> Values:
+    """Return nested dictionaries of settings whose names may be dotted, such as ``{"bptt.patience": 3}``."""
+    result: Values = {}
+    for name, value in values.items():
+        inner = nested(value) if isinstance(value, Mapping) else value
+        for part in reversed(name.split(".") if isinstance(name, str) else [name]):  # anything else is refused later
+            inner = {part: inner}
+        result = merge(result, inner)
+    return result
+
+
 def parse_overrides(items: Sequence[str]) -> Values:
     """Turn ``["ppo.learning_rate=0.003"]`` into nested dictionaries.
 
@@ -47,9 +58,7 @@ def parse_overrides(items: Sequence[str]) -> Values:
             value = parse_yaml(text)
         except ValueError:
             raise UserError(f"The value in --set {item!r} is neither a number, a word nor a list.") from None
-        for part in reversed(key.split(".")):
-            value = {part: value}
-        values = merge(values, value)
+        values = merge(values, nested({key: value}))
     return values
 
 

@@ -20,11 +20,20 @@ class UserError(Exception):
     """A sentence that says what was wrong, what was expected and what to do; a command prints it and exits with 2.
 
     The sentence may quote names and values that others chose, and stays one line that is safe to print.
+
+    Attributes:
+        on_command_line: the sentence as a command prints it, with options such as ``--out``. In Python it may have
+            other words (:mod:`bilateral_rl.api.wording`).
     """
 
     def __init__(self, sentence: str) -> None:
         text = printable(" ".join(sentence.splitlines()))
-        super().__init__(text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …")
+        self.on_command_line = text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+        super().__init__(self.on_command_line)
+
+
+class Stopped(KeyboardInterrupt):
+    """Somebody stopped what was going on, and it is saved; the sentence says how to go on."""
 
 
 def run_program(program: Callable[[], object]) -> None:
@@ -54,7 +63,7 @@ def _exit_code(program: Callable[[], object]) -> int | str | None:
     try:
         program()
     except UserError as error:
-        console.print(f"[red]Error:[/red] {escape(str(error))}", highlight=False, soft_wrap=True)
+        console.print(f"[red]Error:[/red] {escape(error.on_command_line)}", highlight=False, soft_wrap=True)
         return 2
     except KeyboardInterrupt:
         console.print("Interrupted.")

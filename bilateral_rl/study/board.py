@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
+from rich.progress import BarColumn, TaskID, TaskProgressColumn, TextColumn
 from rich.table import Column
 from rich.text import Text
 
+from bilateral_rl.io.bars import Bars, draws
 from bilateral_rl.io.terminal import printable
 from bilateral_rl.study.jobs import Job, JobOutcome, JobState
 
@@ -58,15 +59,13 @@ class ConsoleBoard(Board):
 
     def __init__(self, console: Console, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._console, self._title, self._clock = console, title, clock
-        self._draws = console.is_terminal and not console.is_dumb_terminal
-        self._bars = Progress(
+        self._draws = draws(console)
+        self._bars = Bars(
             TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True)),
             BarColumn(bar_width=20),
             TaskProgressColumn(),
             TextColumn("{task.fields[text]}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis")),
             console=console,
-            refresh_per_second=4,
-            disable=not self._draws,
         )
         self._tasks: dict[str, TaskID] = {}
         self.begin([], set())

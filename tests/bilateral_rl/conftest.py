@@ -1,3 +1,4 @@
+import itertools
 import shutil
 import sys
 
@@ -16,7 +17,8 @@ from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import BPTTConfig, RLConfig
 from bilateral_rl.runs.folder import RunFolder
-from bilateral_rl.runs.policies import build_network
+from bilateral_rl.runs.policies import build_network, build_policy, stack_states
+from bilateral_rl.study import lesion_folder
 from bilateral_rl.training.run import train
 
 SMALL = {
@@ -32,6 +34,9 @@ SMALL_BPTT = {
     "bptt": {"trials": 32, "batch_size": 16, "validation_trials": 8},
     "trial": {"trial_length": 20},
 }
+
+SHORT = {"trial": {"trial_length": 10}}
+SHORT_BPTT = {"bptt": {"trials": 32, "batch_size": 16}}
 
 
 @pytest.fixture
@@ -141,3 +146,34 @@ def call(tmp_path, monkeypatch, capsys):
         return code, captured.out, captured.err
 
     return call
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures take a second each."""
+    monkeypatch.setattr(lesion_folder, "save", lambda figure, path: None)
+    monkeypatch.setattr(lesion_folder, "lesion_effects", lambda *arguments: None)
+
+
+@pytest.fixture
+def make_run(tmp_path):
+    """Builder of runs whose networks are fresh ones; their weights depend on seed and model."""
+
+    def make(model="cc_s", algo="bptt", task="random_reach", out="runs", **values):
+        config = resolve(algo, task, [merge(merge(SHORT, SHORT_BPTT if algo == "bptt" else {}), values)], model=model)
+        paths = (tmp_path / out / task / f"{model}-{algo}-{number}" for number in itertools.count(1))
+        folder = RunFolder(next(path for path in paths if not path.exists()))
+        (folder.path / "weights").mkdir(parents=True)
+        folder.write_config(config)
+        if algo != "bptt":
+            torch.manual_seed(1000 + config.seed)
+            folder.save_weights("final", build_policy(config).state_dict())
+            return folder
+        states = {}
+        for seed in config.all_seeds:
+            torch.manual_seed(10 * seed + len(model))
+            states[seed] = build_network(config).state_dict()
+        folder.save_weights("final", stack_states(states))
+        return folder
+
+    return make

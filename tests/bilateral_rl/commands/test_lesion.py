@@ -13,7 +13,7 @@ from rich.console import Console
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from treatments import AS_TRAINED
 
-from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
+from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS, NETWORKS, State, by_seed, read_results
 from bilateral_rl.commands import lesion as command
 from bilateral_rl.policies.lesions import LESIONS
@@ -53,7 +53,8 @@ def lesioned(_trained_bptt, tmp_path_factory):
     shutil.copytree(_trained_bptt.path, run.path)
     before, console = files(run.path), Console(file=io.StringIO(), width=80)
     options = {"lesions": None, "control": True, "profile": None, "trials": 8, "seed": 7, "weights": "final"}
-    command.lesion(run=str(run.path), protocols=DEFAULT_PROTOCOLS, out=None, console=console, **options)
+    retraining = {"retrain": None, "no_retrain": False, "settings": {}}
+    command.lesion(run=str(run.path), out=None, console=console, **retraining, **options)
     place = run.path.with_name("cc_s-bptt-1-lesions")
     return SimpleNamespace(run=run, before=before, out=console.file.getvalue(), place=place)
 

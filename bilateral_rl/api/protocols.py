@@ -1,25 +1,23 @@
-"""What the options of `bilateral-rl lesion` on retraining ask for, as protocols."""
+"""What the arguments of a lesion study on retraining ask for, as protocols."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, RETRAINED, Protocol
+from bilateral_rl.api.checks import Names, names
 from bilateral_rl.config.parse import build
 from bilateral_rl.io.errors import UserError
 
 _NONE = Protocol("none")
 
 
-def chosen_protocols(
-    retrain: Sequence[str] | None, no_retrain: bool, settings: Mapping[str, Any]
-) -> tuple[Protocol, ...]:
+def chosen_protocols(retrain: Names, settings: Mapping[str, Any]) -> tuple[Protocol, ...]:
     """Return the protocols that were asked for, each once.
 
     Args:
         retrain: what each of them retrains, or a whole protocol by its name; None for the default ones.
-        no_retrain: whether nothing is to be retrained.
         settings: fields of :class:`~bilateral_rl.analysis.protocols.Protocol` for all that retrain something; None
             where nothing was said.
 
@@ -27,11 +25,8 @@ def chosen_protocols(
         UserError: an unknown word, a number out of bounds, or options that contradict each other.
     """
     given = {name: value for name, value in settings.items() if value is not None}
-    if no_retrain:
-        if others := [word for word in retrain or () if word != "none"]:
-            raise UserError(f"--no-retrain leaves nothing for --retrain {others[0]} to do; leave one of them out.")
-        retrain = ["none"]
-    protocols = [_protocol(word) for word in retrain] if retrain else [*DEFAULT_PROTOCOLS]
+    words = names("--retrain", retrain)
+    protocols = [_protocol(word) for word in words] if words else [*DEFAULT_PROTOCOLS]
     if given and protocols == [_NONE] * len(protocols):
         raise UserError(
             f"{_option(next(iter(given)))} says how to retrain, but nothing is retrained; leave it out, or choose "
@@ -51,7 +46,7 @@ def _protocol(word: str) -> Protocol:
 
 
 def _changed(protocol: Protocol, given: Mapping[str, Any]) -> Protocol:
-    """The protocol with the settings given."""
+    """Return the protocol with the settings given."""
     if protocol == _NONE or not given:
         return protocol
     if protocol.name not in RETRAINED:

@@ -1,0 +1,279 @@
+"""A run in Python: what it is, and what can be done with it. What a verb takes is imported when it is called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from bilateral_rl.api.checks import Names, whole
+from bilateral_rl.api.wording import in_python
+from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.text import seed_range
+from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies.lesions import INTACT
+from bilateral_rl.runs.folder import FINAL, RunFolder
+from bilateral_rl.runs.policies import load_policies, parse_run
+from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bilateral_rl.api.progress import ProgressLike
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run, or the network of one seed of it; :func:`load` makes one of a folder.
+
+    Its folder is only read, but by :meth:`resume`. Wherever a number of ``trials`` and a ``seed`` are taken, trial i is
+    the first one of ``seed + i``, and the defaults are those of all commands and studies.
+    """
+
+    folder: RunFolder
+    """What lies in the run's folder."""
+    only: int | None = None
+    """The seed whose network it is about; None for all that the run has."""
+
+    @property
+    def path(self) -> Path:
+        """The run's folder."""
+        return self.folder.path
+
+    @property
+    def name(self) -> str:
+        """RUN or RUN:SEED, as commands and :func:`load` take it."""
+        return str(self.path) if self.only is None else f"{self.path}:{self.only}"
+
+    @property
+    def config(self) -> TrainConfig:
+        """Every setting of the training, as it is in ``config.yaml``: such as ``config.trial.threshold`` (m)."""
+        return self.folder.config()
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of its networks."""
+        return self.config.all_seeds if self.only is None else [self.only]
+
+    @property
+    def status(self) -> dict[str, Any]:
+        """``state`` ("running", "finished", "interrupted", "failed", "imported"), and how far the training came.
+
+        That is ``timesteps`` of reinforcement learning or ``epochs`` of supervised training, of the seed that came
+        furthest. Empty if the training has not begun.
+        """
+        return self.folder.status()
+
+    @property
+    def lesions_folder(self) -> Path:
+        """Where ``bilateral-rl lesion`` keeps its results, and :func:`compare` of one run looks for them."""
+        from bilateral_rl.study.lesion_folder import LesionFolder
+
+        return LesionFolder.beside(self.folder, self.only).path
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __repr__(self) -> str:
+        config = self.config
+        what = f"{config.model} learned {config.task} by {config.algo}, {seed_range(self.seeds)}"
+        return f"Run({self.name!r}: {what}, {self.status.get('state', 'never saved')})"
+
+    @in_python
+    def policy(self, seed: int | None = None, lesion: str = INTACT, weights: str = FINAL) -> MotorPolicy:
+        """Return a network as a policy of stable-baselines3, ready for ``policy.predict(observation)``.
+
+        It is a copy of its own: a lesion stays, whatever else is done with the run, until
+        ``policy.motor_network.set_lesion`` sets another.
+
+        Args:
+            seed: seed of the network; it may be left out where there is one only.
+            lesion: "intact", or the name of a lesion that the model can have.
+            weights: "final", "best" or "step_…": which of the run's weights.
+
+        Raises:
+            UserError: several networks and no seed, or a seed, lesion or weights that there are not.
+        """
+        from bilateral_rl.api.evaluation import find_lesion_of
+
+        if seed is None and len(self.seeds) > 1:
+            raise UserError(f"{self.name} has {seed_range(self.seeds)}: say which one, as seed={self.seeds[0]}.")
+        chosen = self.seeds[0] if seed is None else whole("seed", seed)
+        if chosen not in self.seeds:
+            raise UserError(f"{self.name} has no seed {chosen}; it has {seed_range(self.seeds)}.")
+        found = find_lesion_of(self.config, lesion)
+        (policy,) = load_policies(self.folder, weights, chosen).values()
+        policy.motor_network.set_lesion(found)
+        return policy
+
+    @in_python
+    def evaluate(
+        self,
+        trials: int = TEST_TRIALS,
+        *,
+        seed: int = TEST_SEED,
+        lesion: str = INTACT,
+        deterministic: bool = True,
+        weights: str = FINAL,
+        by: Literal["seed", "trial"] = "seed",
+    ) -> pd.DataFrame:
+        """Test the networks, and return their measures.
+
+        Args:
+            trials: number of trials of each network.
+            seed: seed of the first trial.
+            lesion: "intact", or the name of a lesion that the model can have.
+            deterministic: whether policies act by the mean of their actions, without exploration.
+            weights: "final", "best" or "step_…": which of the run's weights.
+            by: "seed" for means over the trials, or "trial" for a row a trial.
+
+        Returns:
+            By seed, a row for each network (``seed``) and radius of the goal (``threshold_m``: 2, 3 and 5 cm, and the
+            run's own), with columns ``lesion``, ``goal_completion_percent``, ``speed_to_goal_cm_per_step`` (NaN where
+            no goal was reached), ``time_in_goal_steps``, ``final_error_cm``, ``return_dominant`` and
+            ``return_non_dominant``; of networks with two hemispheres also what each supplies to the muscles:
+            ``contribution_…``, ``contribution_percent_…`` and ``contribution_constant_…``, before the sigmoid.
+
+            By trial, a row a trial at the run's own radius, in SI units: ``seed``, ``lesion``, ``trial``,
+            ``threshold_m``, ``goal_completion`` (0 or 1), ``speed_to_goal_m_per_step``, ``time_in_goal_steps``,
+            ``final_error_m``, ``start_distance_m``, both returns, and ``start_x_m``, ``target_x_m``, ``load_x_N`` and
+            the same along y.
+
+        Raises:
+            UserError: what cannot be tested so.
+        """
+        from bilateral_rl.api.evaluation import evaluate
+
+        if by not in ("seed", "trial"):
+            raise UserError(f'by must be "seed" or "trial", got {by!r}.')
+        evaluation = evaluate(self, trials, seed, lesion=lesion, deterministic=deterministic, weights=weights)
+        return evaluation.by_seed() if by == "seed" else evaluation.by_trial()
+
+    @in_python
+    def lesion(
+        self,
+        lesions: Names = None,
+        retrain: Names = None,
+        *,
+        retrain_epochs: int | None = None,
+        retrain_learning_rate: float | None = None,
+        retrain_optimizer: str | None = None,
+        retrain_trials: str | None = None,
+        retrain_penalty: str | None = None,
+        retrain_penalty_coefficient: float | None = None,
+        control: bool = True,
+        profile: str | None = None,
+        trials: int = TEST_TRIALS,
+        seed: int = TEST_SEED,
+        weights: str = FINAL,
+        out: str | Path | None = None,
+        progress: ProgressLike = True,
+    ) -> pd.DataFrame:
+        """Test the networks intact and after each lesion, without and with adaptation to it, beside fresh networks.
+
+        Args:
+            lesions: one name or several; None for all that the model can have. The intact network always comes first.
+            retrain: what adapts: "none", "output" (the output layer), "combination" (its weights too) or "everything",
+                or a protocol by the name that it has in the table; one or several. None for "none", "output" and
+                "everything".
+            retrain_epochs: for so many epochs; None for one.
+            retrain_learning_rate: learning rate of Adam; None for that of a supervised run, or 0.001.
+            retrain_optimizer: "fresh", or "continued" from a supervised training; None for fresh.
+            retrain_trials: "new" ones, or those of a supervised "training"; None for new.
+            retrain_penalty: weight penalty, "weights", "activity" or "released"; None for the run's own, or weights.
+            retrain_penalty_coefficient: its λ; None for the run's own, or the usual.
+            control: whether fresh networks are treated alike, to tell what was kept from what is relearned.
+            profile: combined lesions of the "paper" or of its "released" code; None for the run's.
+            trials: number of trials of each test.
+            seed: seed of the first trial.
+            weights: "final", "best" or "step_…": which of the run's weights.
+            out: folder for the table, figures and tensorboard, such as :attr:`lesions_folder`; None for none.
+            progress: whether a bar shows how it comes along, or the rich console where it does.
+
+        Returns:
+            The long table of :mod:`bilateral_rl.analysis.results`: a row a value, with columns ``model``, ``task``,
+            ``algo``, ``seed``, ``lesion``, ``network`` ("trained", or "fresh" for the control), ``protocol``, what that
+            came to (``retrain``, ``epochs``, ``learning_rate``, ``penalty``, ``penalty_coefficient``, ``optimizer``,
+            ``trials``), ``metric`` and ``value``, the mean over a network's trials in the metric's unit.
+
+        Raises:
+            UserError: what cannot be lesioned or written; nothing is left then.
+        """
+        from bilateral_rl.api.lesioning import lesion
+        from bilateral_rl.api.protocols import chosen_protocols
+
+        adapting = {
+            "epochs": retrain_epochs, "learning_rate": retrain_learning_rate, "optimizer": retrain_optimizer,
+            "trials": retrain_trials, "penalty": retrain_penalty, "penalty_coefficient": retrain_penalty_coefficient,
+        }  # fmt: skip
+        return lesion(
+            self, lesions, chosen_protocols(retrain, adapting), control=control, profile=profile, trials=trials,
+            seed=seed, weights=weights, out=out, progress=progress,
+        ).results  # fmt: skip
+
+    @in_python
+    def resume(
+        self,
+        timesteps: int | None = None,
+        epochs: int | None = None,
+        *,
+        device: str | None = None,
+        track: bool | None = None,
+        progress: ProgressLike = True,
+    ) -> Run:
+        """Go on with the training where it was saved, to its end or to a later one.
+
+        On the same machine and with the same total it ends with the bits of a training that was never stopped.
+
+        Args:
+            timesteps: environment steps in all; None for as many as before (not of supervised training).
+            epochs: largest number of epochs in all, likewise (of supervised training).
+            device: "cpu", "cuda" or "cuda:N"; None for the one before.
+            track: whether Weights & Biases follows it; None for no.
+            progress: whether a bar shows how it comes along, or the rich console where it does.
+
+        Returns:
+            The same run, trained further.
+
+        Raises:
+            UserError: a training that cannot go on, or not so.
+            Stopped: somebody interrupted it; all is saved.
+        """
+        from bilateral_rl.api.training import concluded, go_on
+
+        requested = {"timesteps": timesteps, "epochs": epochs, "device": device, "track": track}
+        return concluded(go_on(self, requested, progress))
+
+
+@in_python
+def load(run: str | Path | Run, seed: int | None = None) -> Run:
+    """Return a run that has been made, by :func:`train` or by a command.
+
+    Args:
+        run: its folder, such as "runs/random_reach/cc_s-ppo-1", or "runs/random_reach/cc_s-bptt-1:3" for one seed.
+        seed: the one seed that it is to be about; None for all, or for that in RUN:SEED.
+
+    Raises:
+        UserError: there is no run there, it is damaged, or it has no such seed.
+    """
+    found = find_run(run)
+    return found if seed is None else one_seed(found.folder, whole("seed", seed))
+
+
+def find_run(run: str | Path | Run) -> Run:
+    """Return the run that is meant. Raises UserError for what is no run, or has not the seed that is named."""
+    if isinstance(run, Run):
+        return run
+    if not isinstance(run, (str, Path)):
+        raise UserError(f"A run is named by its folder, such as runs/random_reach/cc_s-ppo-1, not by {run!r}.")
+    folder, seed = parse_run(str(run))
+    return Run(folder) if seed is None else one_seed(folder, seed)
+
+
+def one_seed(folder: RunFolder, seed: int) -> Run:
+    """Return the network of one seed. Raises UserError for a seed that the run has not."""
+    seeds = folder.config().all_seeds
+    if seed not in seeds:
+        raise UserError(f"{folder.path} has no seed {seed}; it has {seed_range(seeds)}.")
+    return Run(folder, seed)

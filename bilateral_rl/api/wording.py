@@ -1,0 +1,101 @@
+"""Errors as Python says them: the sentences of the rooms below name options and commands of the command line."""
+
+from __future__ import annotations
+
+import functools
+import re
+import shlex
+from collections.abc import Callable, Sequence
+from typing import Any, ParamSpec, TypeVar
+
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import parse_yaml
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_ARGUMENTS = {
+    "--set": "settings",
+    "--metric": "metrics",
+    "--resume": "resume()",
+    "--no-retrain": 'retrain="none"',
+    "--no-control": "control=False",
+    "--trust-pickle": "trust_pickle=True",
+}
+"""Options whose argument is called otherwise, or that stand for a value of it; others have underscores for dashes."""
+_CALLS = {
+    "train": "train",
+    "resume": "load({}).resume",
+    "lesion": "load({}).lesion",
+    "list": "list_runs",
+    "import": "import_model",
+}
+"""What a command that a sentence advises is in Python, with the place of RUN."""
+_COMMAND = re.compile(r"`bilateral-rl ([^`]+)`")
+_OPTION = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*")
+
+
+def in_python(function: Callable[P, R]) -> Callable[P, R]:
+    """Let the errors of a function of the Python face name its arguments, not options of the command line."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except UserError as error:
+            error.args = (python_words(error.on_command_line),)
+            raise
+
+    return call
+
+
+def python_words(sentence: str) -> str:
+    """Return a sentence with arguments in place of options, and with calls in place of commands."""
+    parts = _COMMAND.split(sentence)  # every second one is what a command is called with
+    return "".join(
+        f"`{_call(part)}`" if i % 2 else _OPTION.sub(lambda found: argument(found[0]), part)
+        for i, part in enumerate(parts)
+    )
+
+
+def argument(option: str) -> str:
+    """Return the name of the argument that is ``option`` on the command line."""
+    return _ARGUMENTS.get(option, option.removeprefix("--").replace("-", "_"))
+
+
+def _call(command: str) -> str:
+    """Return the call that ``command``, without the program's name, comes to."""
+    name, *words = shlex.split(command)
+    runs, said = _given(words)
+    if "resume" in said:
+        name, runs = "resume", [said.pop("resume")]
+    if name not in _CALLS:
+        return f"bilateral-rl {command}"
+    call, texts = _CALLS[name], [repr(run) for run in runs]
+    if "{}" in call:
+        call, texts = call.format(*texts), []
+    if name == "lesion" and "lesion" in said:
+        said["lesions"] = said.pop("lesion")
+    texts += [f"{key}={value!r}" if value is not None else key for key, value in said.items()]
+    return f"bilateral_rl.{call}({', '.join(texts)})"
+
+
+def _given(words: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
+    """Return what stands alone, and values by argument: None for an option without one, a list for one that repeats."""
+    alone: list[str] = []
+    said: dict[str, Any] = {}
+    rest = list(words)
+    while rest:
+        word = rest.pop(0)
+        if not word.startswith("--"):
+            alone.append(word)
+        elif "=" in (name := argument(word).removesuffix("()")):
+            said[name] = None
+        else:
+            value = parse_yaml(rest.pop(0))
+            said[name] = [*_listed(said[name]), value] if name in said else value
+    return alone, said
+
+
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]

@@ -1,0 +1,82 @@
+"""What is public is listed here by its signature, so that a change of it is a decision."""
+
+import inspect
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import bilateral_rl as brl
+from bilateral_rl import api
+from bilateral_rl.api.run import Run
+from bilateral_rl.api.wording import argument
+
+ROOT = Path(__file__).parents[3]
+TESTS = "trials=1024, *, seed=2000000"
+SIGNATURES = {
+    "list_runs": "(out='runs')",
+    "load": "(run, seed=None)",
+    "train": "(algo=None, model=None, task=None, *, timesteps=None, epochs=None, seeds=None, profile=None, seed=None, "
+    "n_envs=None, units=None, layers=None, threshold=None, device=None, init_from=None, track=None, config=None, "
+    "settings=None, out='runs', progress=True)",
+    "Run.policy": "(seed=None, lesion='intact', weights='final')",
+    "Run.evaluate": f"({TESTS}, lesion='intact', deterministic=True, weights='final', by='seed')",
+    "Run.lesion": "(lesions=None, retrain=None, *, retrain_epochs=None, retrain_learning_rate=None, "
+    "retrain_optimizer=None, retrain_trials=None, retrain_penalty=None, retrain_penalty_coefficient=None, "
+    "control=True, profile=None, trials=1024, seed=2000000, weights='final', out=None, progress=True)",
+    "Run.resume": "(timesteps=None, epochs=None, *, device=None, track=None, progress=True)",
+}
+PROPERTIES = ["config", "folder", "lesions_folder", "name", "only", "path", "seeds", "status"]
+
+
+def signature(function):
+    """Its arguments and their defaults."""
+    parameters = [
+        p.replace(annotation=p.empty) for p in inspect.signature(function).parameters.values() if p.name != "self"
+    ]
+    return str(inspect.Signature(parameters))
+
+
+def public():
+    """Every public function by name, and every method of :class:`Run`."""
+    functions = {name: getattr(brl, name) for name in api.__all__ if inspect.isfunction(getattr(brl, name))}
+    methods = {f"Run.{name}": m for name, m in inspect.getmembers(Run, inspect.isfunction) if not name.startswith("_")}
+    return functions | methods
+
+
+def test_signatures_are_as_listed():
+    assert {name: signature(function) for name, function in public().items()} == SIGNATURES
+
+
+def test_a_run_tells_what_is_listed():
+    told = {name for name, _ in inspect.getmembers(Run, lambda m: isinstance(m, property))}
+    assert sorted(told | set(Run.__dataclass_fields__)) == PROPERTIES
+
+
+def test_every_word_is_listed_typed_and_documented():
+    assert {*api.__all__} <= {*brl.__all__} & {*dir(brl)} & {*dir(api)}
+    for name, function in public().items():
+        parameters = inspect.signature(function).parameters
+        assert all(p.annotation is not p.empty for p in parameters.values() if p.name != "self"), name
+        described = inspect.getdoc(function)
+        arguments = [p for p in parameters if p != "self"]
+        assert all(re.search(rf"^ +{p}: ", described, re.MULTILINE) for p in arguments), name
+
+
+def test_every_option_that_an_error_may_name_is_an_argument():
+    known = {p for function in public().values() for p in inspect.signature(function).parameters}
+    named = set()
+    for path in ROOT.glob("bilateral_rl/**/*.py"):
+        if not {"commands", "zoo"} & {*path.parts}:
+            sentences = re.findall(r"UserError\((?:[^()]|\([^()]*\))*\)", path.read_text(encoding="utf-8"))
+            named |= {option for text in sentences for option in re.findall(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*", text)}
+    assert len(named) > 10
+    later = {"--grid", "--jobs", "--metric", "--retrain-", "--resume"}
+    assert {option for option in named if argument(option).split("=")[0] not in known} <= later
+
+
+def test_a_notebook_begins_quickly():
+    code = "import json, sys, bilateral_rl; print(json.dumps(sorted(sys.modules)))"
+    loaded = json.loads(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+    assert not [name for name in loaded if name.startswith("bilateral_rl.")]

@@ -1,0 +1,49 @@
+"""Errors in Python name arguments and calls; on the command line the same ones name options and commands."""
+
+import pytest
+
+from bilateral_rl.api.wording import in_python, python_words
+from bilateral_rl.io.errors import UserError
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words"),
+    [
+        ("Choose another --out.", "Choose another out."),
+        ("--trials must be at least 1, got 0.", "trials must be at least 1, got 0."),
+        ("leave algo out of --grid and --set.", "leave algo out of grid and settings."),
+        ("use --retrain-optimizer fresh.", "use retrain_optimizer fresh."),
+        ("which this run has; use --no-retrain.", 'which this run has; use retrain="none".'),
+        ("a--b and --- stay.", "a--b and --- stay."),
+        ("`bilateral-rl list` shows those there are.", "`bilateral_rl.list_runs()` shows those there are."),
+        ("`bilateral-rl train` makes one.", "`bilateral_rl.train()` makes one."),
+        ("begin by `bilateral-rl train --init-from 'a b'`.", "begin by `bilateral_rl.train(init_from='a b')`."),
+        ("`bilateral-rl train --resume runs/x`", "`bilateral_rl.load('runs/x').resume()`"),
+        (
+            "call `bilateral-rl lesion runs/x:3 --lesion callosum --lesion deep_dominant --no-control --trials 16`.",
+            "call `bilateral_rl.load('runs/x:3').lesion(control=False, trials=16, "
+            "lesions=['callosum', 'deep_dominant'])`.",
+        ),
+        ("`bilateral-rl lesion runs/x --no-retrain`", "`bilateral_rl.load('runs/x').lesion(retrain=\"none\")`"),
+        ("written by `bilateral-rl render`", "written by `bilateral-rl render`"),
+    ],
+)
+def test_sentences(sentence, words):
+    assert python_words(sentence) == words
+
+
+def test_an_error_keeps_its_kind_and_what_the_command_line_says():
+    class OddError(UserError, ValueError):
+        pass
+
+    @in_python
+    def refuse():
+        raise OddError("choose another --out.")
+
+    @in_python
+    def outer():
+        refuse()
+
+    with pytest.raises(OddError, match=r"^choose another out\.$") as refusal:
+        outer()
+    assert refusal.value.on_command_line == "choose another --out."
