@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
+import importlib
+import runpy
 import sys
 
 import torch
@@ -10,7 +13,7 @@ from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.io.errors import UserError, run_program
 from bilateral_rl.zoo import ZOO_ALGORITHMS
 
-COMMANDS = ("train", "enjoy", "plot_train", "plot_from_file", "all_plots")
+COMMANDS = ("train", "enjoy", "record_video", "plot_train", "plot_from_file", "all_plots")
 _EXAMPLE = "python -m bilateral_rl.zoo train --algo hemispheric_ppo --env bilateral_rl/RandomReach-v0"
 
 
@@ -40,10 +43,40 @@ def main() -> None:
         raise UserError(f"Say what to do, such as `{_EXAMPLE}`.")
     check_choice("command", sys.argv[1], COMMANDS)
     register()
-    from rl_zoo3 import cli
-
     torch.set_num_threads(1)  # networks this small only lose time to more; --num-threads still sets them
-    cli.main()
+    if sys.argv[1] == "record_video":
+        record_video()
+    else:
+        if sys.argv[1] in ("plot_train", "all_plots"):
+            sys.argv[2:] = named_as_folders(sys.argv[2:])
+        from rl_zoo3 import cli
+
+        cli.main()
+
+
+def record_video() -> None:
+    """Run rl_zoo3's script of that name, which its command line leaves out.
+
+    It has no ``--gym-packages``, without which nobody's own environment is found; here it has, as in ``enjoy``.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--gym-packages", nargs="+", default=[])
+    options, sys.argv[1:] = parser.parse_known_args(sys.argv[2:])
+    for package in options.gym_packages:
+        importlib.import_module(package)
+    sys.modules.pop("rl_zoo3.record_video", None)
+    runpy.run_module("rl_zoo3.record_video", run_name="__main__")
+
+
+def named_as_folders(arguments: list[str]) -> list[str]:
+    """Return a command's arguments with environments named as rl_zoo3 names their folders, in which it looks for them.
+
+    It plots nothing, and says nothing, for the names with a slash that its other commands take.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("-e", "--env", nargs="+", default=[])
+    options, others = parser.parse_known_args(arguments)
+    return [*others, "--env", *(name.replace("/", "-") for name in options.env)] if options.env else others
 
 
 if __name__ == "__main__":

@@ -1,5 +1,8 @@
 """Training, watching and going on through the real rl_zoo3."""
 
+import re
+
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from stable_baselines3 import A2C, PPO, SAC, TD3
@@ -87,6 +90,15 @@ def test_normalized_rewards_are_refused(train):
         train(params="normalize:True")
 
 
+def plots(zoo, arm):
+    """Both plots of a training, which find it by the environment's name."""
+    for command in (f"plot_train {arm} -f logs -w 2", f"all_plots {arm} -f logs --no-million -o all"):
+        plt.close("all")
+        said = zoo(command)
+        assert [len(axes.lines) for axes in plt.gcf().axes] == [1], command
+    assert re.search(r"RandomReach-v0\s*\|-\d+", said)
+
+
 def test_evaluations_checkpoints_and_going_on(zoo, tmp_path):
     quick = "-params n_envs:4 n_steps:20 batch_size:40"
     arm = "--algo hemispheric_ppo --env bilateral_rl/RandomReach-v0"
@@ -96,6 +108,7 @@ def test_evaluations_checkpoints_and_going_on(zoo, tmp_path):
     assert {"best_model.zip", "rl_model_160_steps.zip", "rl_model_320_steps.zip"} <= names
     assert np.load(first / "evaluations.npz")["timesteps"].tolist() == [160, 320]
     trained = ZOO_ALGORITHMS["hemispheric_ppo"].load(first / "bilateral_rl-RandomReach-v0.zip", device="cpu")
+    plots(zoo, arm.replace("--algo", "-a"))
     zoo(f"train {arm} -n 80 --eval-freq -1 -i {first}/bilateral_rl-RandomReach-v0.zip {quick} learning_rate:1e-12")
     second = first.with_name("bilateral_rl-RandomReach-v0_2")
     went_on = ZOO_ALGORITHMS["hemispheric_ppo"].load(second / "bilateral_rl-RandomReach-v0.zip", device="cpu")
@@ -103,7 +116,7 @@ def test_evaluations_checkpoints_and_going_on(zoo, tmp_path):
         np.testing.assert_allclose(went_on.policy.motor_network.state_dict()[name], value, atol=1e-6)
 
 
-def test_ones_own_environment_and_model(train, tmp_path, monkeypatch):
+def test_ones_own_environment_and_model(train, zoo, tmp_path, monkeypatch):
     package = tmp_path / "my_pendulum.py"
     package.write_text(
         "import gymnasium\n"
@@ -116,7 +129,9 @@ def test_ones_own_environment_and_model(train, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     options = "--gym-packages my_pendulum"
     train("hemispheric_td3", "mine/Pendulum-v0", 240, "policy:\"'BilateralPolicy'\" loss:\"'combined'\"", options)
+    zoo(f"record_video --algo hemispheric_td3 --env mine/Pendulum-v0 -f logs -n 5 {options}")
     (folder,) = (tmp_path / "logs" / "hemispheric_td3").iterdir()
+    assert [path.suffix for path in (folder / "videos").iterdir()] == [".mp4"]
     model = ZOO_ALGORITHMS["hemispheric_td3"].load(folder / "mine-Pendulum-v0.zip", device="cpu")
     assert model.policy.motor_network.architecture == "bilateral"
     assert (model.loss, model.n_envs) == ("combined", 4)
