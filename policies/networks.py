@@ -44,6 +44,15 @@ class MotorNetwork(nn.Module, ABC):
     def forward(self, observation: Tensor) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
 
+    def hidden_layers(self, observation: Tensor) -> list[tuple[Tensor, ...]]:
+        """Map observations (…, n_inputs) to the activity of each hidden layer, with the present lesion.
+
+        Returns:
+            For each layer, the activity of the dominant and the non-dominant side (…, U/2), or of the only one (…, U);
+            nothing where an architecture of one's own does not tell.
+        """
+        return []
+
     def excitation(self, observation: Tensor) -> Tensor:
         """Map observations (…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1]."""
         return torch.sigmoid(self(observation))
@@ -112,11 +121,18 @@ class UnilateralNetwork(MotorNetwork):
 
     def forward(self, observation: Tensor) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
-        h = observation
-        for layer in self.hidden:
-            h = torch.tanh(layer(h))  # (…, U)
+        (h,) = self.hidden_layers(observation)[-1]
         output: Tensor = self.output(h)
         return output
+
+    def hidden_layers(self, observation: Tensor) -> list[tuple[Tensor, ...]]:
+        """Map observations (…, n_inputs) to the activity (…, U) of each hidden layer, in tuples of one."""
+        h = observation
+        layers: list[tuple[Tensor, ...]] = []
+        for layer in self.hidden:
+            h = torch.tanh(layer(h))  # (…, U)
+            layers.append((h,))
+        return layers
 
     def group_of(self, name: str) -> str:
         """Return "shared": there are no sides to own a parameter."""
@@ -156,7 +172,16 @@ class BilateralNetwork(MotorNetwork):
 
     def hemispheres(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Map observations (…, n_inputs) to the last hidden layers, dominant and non-dominant, (…, U/2) each."""
+        d, n = self.hidden_layers(observation)[-1]
+        return d, n
+
+    def hidden_layers(self, observation: Tensor) -> list[tuple[Tensor, ...]]:
+        """Map observations (…, n_inputs) to the activity (…, U/2) of each hidden layer, dominant and non-dominant.
+
+        It is what a side's own units do, before anything of the other side is added to it on the way to the next layer.
+        """
         lesion = self.lesion
+        layers: list[tuple[Tensor, ...]] = []
         # A side with a shallow lesion sees zeros; its biases still drive it.
         d = torch.zeros_like(observation) if lesion.input_of == "dominant" else observation
         n = torch.zeros_like(observation) if lesion.input_of == "non_dominant" else observation
@@ -164,7 +189,8 @@ class BilateralNetwork(MotorNetwork):
             if k > 0:  # before the first layer there is no activity yet to tell the other side
                 d, n = self._exchange(d, n)
             d, n = torch.tanh(dominant(d)), torch.tanh(non_dominant(n))  # (…, U/2) each
-        return d, n
+            layers.append((d, n))
+        return layers
 
     def group_of(self, name: str) -> str:
         """Return the side whose stack holds the parameter; combination and output layers are "shared"."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import options_page
 import pytest
+import recordings_page
 import settings_page
 import yaml
 
@@ -17,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 
 
-@pytest.mark.parametrize("script", [settings_page, options_page], ids=lambda script: script.__name__)
+@pytest.mark.parametrize("script", [settings_page, options_page, recordings_page], ids=lambda script: script.__name__)
 def test_a_generated_page_says_what_the_code_says(script):
     told = f"run python docs/scripts/{script.__name__}.py, and look at what changed"
     assert script.PAGE.read_text(encoding="utf-8") == script.page(), told

@@ -80,7 +80,7 @@ def side_modulation(network: MotorNetwork, record: TrialRecord) -> SideModulatio
         network: any network; one without sides gives None.
         record: trials that it did in its present state.
     """
-    return modulation_of(contributions(network, record)) if isinstance(network, BilateralNetwork) else None
+    return modulation_of(contributions(network, record.observation)) if isinstance(network, BilateralNetwork) else None
 
 
 def side_modulations(
@@ -91,15 +91,15 @@ def side_modulations(
     return {seed: modulation for seed, modulation in of_seeds.items() if modulation}
 
 
-def contributions(network: BilateralNetwork, record: TrialRecord) -> Contributions:
-    """Return what each side added to the commands in trials that ``network`` did itself.
+def contributions(network: BilateralNetwork, observation: NDArray[np.float32]) -> Contributions:
+    """Return what each side of ``network``, with its present lesion, adds to the commands on observations (n, T, 16).
 
     That is the side's last hidden layer times its combination weight, through the output layer without its bias. A side
     with a deep lesion adds nothing.
     """
     weights, output = network.combination_weights(), network.output.weight
     with one_torch_thread(), torch.no_grad():
-        activity = network.hemispheres(torch.from_numpy(record.observation).to(output))  # (n, T, U/2) each
+        activity = network.hemispheres(torch.from_numpy(observation).to(output))  # (n, T, U/2) each
         added = [
             (weights[side] * (network.lesion.output_of != side) * h @ output.T).cpu().numpy()
             for side, h in zip(SIDES, activity, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +13,8 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
+from bilateral_rl.analysis.recording_fields import MEASURED, OBSERVATION, STEP, TIME, Field
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Trials, make_task
@@ -109,11 +110,35 @@ class Evaluator:
         Raises:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
+        arrays = self.record(policy, MEASURED, deterministic)
+        joint, distance, activation = (arrays.pop(name) for name in ("joint_angle", "distance", "activation"))
+        return TrialRecord(
+            **arrays,
+            joint=joint,
+            activation=activation[:, 1:],
+            distance=distance[:, 1:],
+            start_distance=distance[:, 0],
+            vector_return=self._batch.vector_return.copy(),
+            arm=self._batch.settings.arm,
+        )
+
+    def record(self, policy: MotorPolicy, fields: Sequence[Field], deterministic: bool = True) -> dict[str, Float32]:
+        """Do every trial once, and return by name what ``fields`` take from the arms, (n, …) each.
+
+        Args:
+            policy: acts in all trials at once.
+            fields: what is recorded, the observation among it.
+            deterministic: whether it acts without exploration.
+
+        Raises:
+            NotFiniteError: the policy's actions, or the arms' states, are not finite.
+        """
         with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"):
-            record = self._run(policy, deterministic)
-        if not np.isfinite(record.hand).all() or not np.isfinite(record.vector_return).all():
+            arrays = self._record(policy, fields, deterministic)
+        # A hand that was ever out of range has a return that is.
+        if not np.isfinite(self._batch.hand).all() or not np.isfinite(self._batch.vector_return).all():
             raise NotFiniteError("These trials cannot be measured: the arm that trial.arm describes leaves all bounds.")
-        return record
+        return arrays
 
     @functools.cached_property
     def _trials(self) -> tuple[Trials, NDArray[np.float64] | None]:
@@ -124,33 +149,33 @@ class Evaluator:
         trials = batch.task.trials(np.concatenate([draw.uniform for draw in draws]), batch.settings)
         return trials, np.concatenate(noise) if noise else None
 
-    def _run(self, policy: MotorPolicy, deterministic: bool) -> TrialRecord:
+    def _record(self, policy: MotorPolicy, fields: Sequence[Field], deterministic: bool) -> dict[str, Float32]:
         batch = self._batch
         length = batch.settings.trial_length
         batch.start(np.arange(batch.n, dtype=np.int32), *self._trials)
-        joint, hand = np.empty((2, batch.n, length + 1, 2), dtype=np.float32)
-        observation = np.empty((batch.n, length, batch.observation.shape[1]), dtype=np.float32)
-        excitation, activation = np.empty((2, batch.n, length, batch.excitation.shape[1]), dtype=np.float32)
-        joint[:, 0], hand[:, 0] = batch.joint[:, :2], batch.hand
+        taken = [(field, field.take, _room(field, batch)) for field in fields if field.take is not None]
+        states = [(take, array) for field, take, array in taken if TIME in field.dims]
+        steps = [(take, array) for field, take, array in taken if STEP in field.dims and field != OBSERVATION]
+        arrays = {field.name: array for field, _, array in taken}
+        for take, array in states:
+            array[:, 0] = take(batch)
         for step in range(length):
-            observation[:, step] = batch.observation
+            arrays[OBSERVATION.name][:, step] = batch.observation
             batch.step(_action(policy, batch.observation, deterministic))
-            joint[:, step + 1], hand[:, step + 1] = batch.joint[:, :2], batch.hand
-            excitation[:, step] = batch.excitation
-            activation[:, step] = batch.muscle[:, ACTIVATION]
-        return TrialRecord(
-            joint=joint,
-            hand=hand,
-            target=batch.target.copy(),
-            load=batch.load.copy(),
-            distance=batch.distance.copy(),
-            start_distance=batch.start_distance.copy(),
-            observation=observation,
-            excitation=excitation,
-            activation=activation,
-            vector_return=batch.vector_return.copy(),
-            arm=batch.settings.arm,
-        )
+            for take, array in steps:
+                array[:, step] = take(batch)
+            for take, array in states:
+                array[:, step + 1] = take(batch)
+        return arrays
+
+
+def _room(field: Field, batch: TrialBatch) -> Float32:
+    """Return an array for ``field``; where it neither has a time nor a step, already filled."""
+    assert field.take is not None
+    values, length = field.take(batch), batch.settings.trial_length
+    if TIME not in field.dims and STEP not in field.dims:
+        return values.copy()
+    return np.empty((batch.n, length + (TIME in field.dims), *values.shape[1:]), dtype=values.dtype)
 
 
 def _action(policy: MotorPolicy, observation: Float32, deterministic: bool) -> Float32:

@@ -32,6 +32,11 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
 ]
+TestTask = Annotated[str | None, typer.Option("--task", help="Test on this task instead.", show_default="the run's")]
+TestSettings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Another setting of trials, such as trial.sensory_noise=0.01."),
+]
 SEEDS = "N|FIRST..LAST"
 _RETRAINING = "What follows each lesion"
 """Where the options of retraining stand in the help of ``lesion``."""
@@ -134,6 +139,9 @@ def evaluate(
     seed: TestSeed = TEST_SEED,
     deterministic: Annotated[bool, typer.Option(help="Act by the mean, not by sampling.")] = True,
     weights: Weights = "final",
+    lesion: Annotated[str, typer.Option(help="Lesion every network that is tested.")] = "intact",
+    task: TestTask = None,
+    overrides: TestSettings = None,
     csv: Annotated[Path | None, typer.Option(help="Write one row a trial here; - is the terminal.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write the table here; - is the terminal.")] = None,
 ) -> None:
@@ -146,6 +154,9 @@ def evaluate(
         seed=seed,
         deterministic=deterministic,
         weights=weights,
+        lesion=lesion,
+        task=task,
+        overrides=overrides or [],
         csv=csv,
         json_file=json,
         console=console,
@@ -295,6 +306,36 @@ def render(
         weights=weights,
         slow_down=slow_down,
         size=size,
+        console=console,
+    )
+
+
+@app.command()
+def record(
+    run: Run,
+    out: Annotated[Path, typer.Option(help="A .csv, .npz, .parquet or .nc file (the last two: extra record).")],
+    trials: Annotated[int, typer.Option(help="Trials of each network with each lesion.")] = 100,
+    seed: TestSeed = TEST_SEED,
+    lesions: Annotated[
+        list[str] | None,
+        typer.Option("--lesion", help="A lesion, or intact; may be repeated.", show_default="intact"),
+    ] = None,
+    task: TestTask = None,
+    overrides: TestSettings = None,
+    weights: Weights = "final",
+) -> None:
+    """Write what moved in trials, step by step, into a file: joints, hand, muscles, hidden activity, rewards."""
+    from bilateral_rl.commands import record as command
+
+    command.record(
+        run=run,
+        out=out,
+        trials=trials,
+        seed=seed,
+        lesions=lesions or [],
+        task=task,
+        overrides=overrides or [],
+        weights=weights,
         console=console,
     )
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from rich.console import Console
+from rich.markup import escape
 
+from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.modulation import SideModulation, side_modulations
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
 from bilateral_rl.commands.checks import check_trials
 from bilateral_rl.commands.training_report import measures_table, sides_table
 from bilateral_rl.commands.writing import apart_from, json_ready, write
+from bilateral_rl.config.parse import parse_overrides
+from bilateral_rl.policies.lesions import INTACT, lesion_words
+from bilateral_rl.runs.lesions import lesion_of
 from bilateral_rl.runs.policies import load_policies, parse_run
 
 
@@ -25,6 +31,9 @@ def evaluate(
     seed: int,
     deterministic: bool,
     weights: str,
+    lesion: str,
+    task: str | None,
+    overrides: Sequence[str],
     csv: Path | None,
     json_file: Path | None,
     console: Console,
@@ -37,6 +46,9 @@ def evaluate(
         seed: seed of the first trial.
         deterministic: whether the policies act by the mean of their actions.
         weights: which of the run's weights.
+        lesion: "intact" or a lesion of every network.
+        task: another task than the run's.
+        overrides: other settings of trials, ``["trial.sensory_noise=0.01"]``.
         csv: file for one row a trial; "-" for the terminal, None for no file.
         json_file: file for the table, likewise.
         console: where to print.
@@ -48,18 +60,34 @@ def evaluate(
     console = apart_from(console, csv, json_file)
     folder, only = parse_run(run)
     config = folder.config()
-    evaluator = Evaluator(config.task, config.trial, trials, seed)
+    under = conditions(config, task, parse_overrides(overrides))
     policies = load_policies(folder, weights, only)
+    for policy in policies.values():
+        policy.motor_network.set_lesion(lesion_of(folder, config, policy.motor_network, lesion))
+    evaluator = Evaluator(under.task, under.settings, trials, seed)
     records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
     networks = {number: policy.motor_network for number, policy in policies.items()}
     modulations = side_modulations(networks, records)
     head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
+    head |= {"task": under.task, "lesion": lesion, "changed": dict(under.changed), "notes": list(under.notes)}
     try:
-        _write(records, modulations, head, config.trial.threshold, csv, json_file)
+        _write(records, modulations, head, under.settings.threshold, csv, json_file)
     finally:
-        console.print(measures_table(records, config, f"{run} ({weights}), {trials} trials of seed {seed}"))
+        title = "; ".join([f"{run} ({weights}), {trials} trials of seed {seed}", *_deviations(lesion, under)])
+        tested = dataclasses.replace(config, task=under.task, trial=under.settings)
+        console.print(measures_table(records, tested, title))
         if modulations:
             console.print(sides_table(modulations))
+        for note in under.notes:
+            console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
+
+
+def _deviations(lesion: str, under: Conditions) -> Iterator[str]:
+    """Say in what the test differs from the training."""
+    if lesion != INTACT:
+        yield f"lesion: {lesion_words(lesion)}"
+    for name, value in under.changed.items():
+        yield f"{name} = {value}"
 
 
 def _write(
@@ -73,7 +101,9 @@ def _write(
     """Write the files that are requested: a row a trial, and the table, headed by what was tested."""
     if csv is not None:
         tables = [record.table(threshold).assign(seed=seed) for seed, record in records.items()]
-        write(csv, pd.concat(tables).to_csv(index=False))
+        of_all = {"lesion": head["lesion"], "task": head["task"], **head["changed"]}
+        columns = {name: [value] * sum(map(len, tables)) for name, value in of_all.items()}
+        write(csv, pd.concat(tables).assign(**columns).to_csv(index=False))
     if json_file is not None:
         by_seed = {seed: _by_threshold(record, threshold) for seed, record in records.items()}
         measures: dict[str, Any] = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}

@@ -42,15 +42,20 @@ def check(config: TrainConfig) -> None:
         _check_rl(config)
     if isinstance(config, BPTTConfig):
         _check_bptt(config)
-    for name, value in _numbers("trial", dataclasses.asdict(config.trial)):
-        if value and not SMALLEST <= abs(value) <= LARGEST:
-            raise UserError(f"{name} must lie between {SMALLEST:g} and {LARGEST:g} in size, got {value:g}.")
+    check_trial(config)
     for name, size in _parameters(config):
         if size > MOST_PARAMETERS:
             raise UserError(f"The number of parameters of {name} must be at most {MOST_PARAMETERS:,}, got {size:,}.")
     for name, size in _arrays(config):
         if size > MOST_NUMBERS:
             raise UserError(f"{name} would make an array of {size:,} numbers, and {MOST_NUMBERS:,} are the most.")
+
+
+def check_trial(config: TrainConfig) -> None:
+    """Raise a UserError for numbers of a trial or an arm that are far out of use."""
+    for name, value in _numbers("trial", dataclasses.asdict(config.trial)):
+        if value and not SMALLEST <= abs(value) <= LARGEST:
+            raise UserError(f"{name} must lie between {SMALLEST:g} and {LARGEST:g} in size, got {value:g}.")
 
 
 def _check_network(config: TrainConfig) -> None:

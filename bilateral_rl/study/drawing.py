@@ -156,4 +156,4 @@ class _FirstSeed:
         network = policy.motor_network
         self.contributions: Contributions | None = None
         if isinstance(network, BilateralNetwork):
-            self.contributions = contributions(network, self.record)
+            self.contributions = contributions(network, self.record.observation)

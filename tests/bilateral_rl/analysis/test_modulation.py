@@ -49,7 +49,7 @@ def test_contributions_and_the_bias_are_the_commands_that_were_given(policy, eva
     network = policy.motor_network
     with network.lesioned(lesion), torch.no_grad():
         record = evaluator.run(policy)
-        dominant, non_dominant = contributions(network, record)
+        dominant, non_dominant = contributions(network, record.observation)
         expected = network(torch.from_numpy(record.observation)).numpy()
     output = dominant + non_dominant + network.output.bias.detach().numpy()
     np.testing.assert_allclose(output, expected, atol=1e-6)

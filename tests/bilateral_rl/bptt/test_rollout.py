@@ -149,7 +149,7 @@ def test_what_each_side_contributes_is_that_of_the_torch_network(random_networks
     rollout.forward()
     for index, network in enumerate(networks):
         record = SimpleNamespace(observation=rollout.observation[index].numpy())
-        for own, expected in zip(rollout.contributions(index), contributions(network, record), strict=True):
+        for own, expected in zip(rollout.contributions(index), contributions(network, record.observation), strict=True):
             torch.testing.assert_close(own, torch.from_numpy(expected), rtol=1e-9, atol=1e-12)
 
 

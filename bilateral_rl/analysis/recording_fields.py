@@ -1,0 +1,149 @@
+"""What is recorded of trials: every quantity with its unit, its dimensions and what it means, defined once."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
+from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY
+from bilateral_rl.envs.trials import TrialBatch
+from bilateral_rl.policies.networks import BilateralNetwork, MotorNetwork
+from bilateral_rl.vocabulary import SIDES
+
+Float32 = NDArray[np.float32]
+
+TRIAL, TIME, STEP = "trial", "time", "step"
+"""The dimensions that grow with a recording: trials; T + 1 moments, from the start on; the T steps between them."""
+
+_MUSCLES = tuple(name.replace(" ", "_") for name in MUSCLE_NAMES)
+_AXES = ("x", "y")
+LABELS: dict[str, tuple[str, ...]] = {
+    "joint": ("shoulder", "elbow"),
+    "axis": _AXES,
+    "muscle": _MUSCLES,
+    "side": SIDES,
+    "observed": (
+        *(f"length_{muscle}" for muscle in _MUSCLES),
+        *(f"velocity_{muscle}" for muscle in _MUSCLES),
+        *(f"{what}_{axis}_m" for what in ("hand", "target") for axis in _AXES),
+    ),
+}
+"""The names along each dimension that has names; layers and units of a network are numbered from 1."""
+
+_IN_COLUMNS = {"": "", "m": "_m", "rad": "_rad", "m/s": "_m_per_s", "rad/s": "_rad_per_s", "N": "_N"}
+"""How the name of a table's column ends, by unit."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One recorded quantity."""
+
+    name: str
+    dims: tuple[str, ...]
+    """Its dimensions after the trial: ``time`` or ``step`` or neither, then what it is of, such as ``muscle``."""
+    unit: str
+    """Its unit, or "" for a number without one."""
+    description: str
+    """What it is, in words."""
+    take: Callable[[TrialBatch], Float32] | None = None
+    """Returns its values from arms at a moment, or after a step; None for what is computed from other quantities."""
+
+    def columns(self, shape: tuple[int, ...]) -> list[str]:
+        """Return the names of a table's columns for an array of this ``shape``, in the order of its last axes."""
+        sizes = shape[len(shape) - len(self.places) :]
+        names = [_labels(dim, size) for dim, size in zip(self.places, sizes, strict=True)]
+        return [f"{'_'.join((self.name, *place))}{_IN_COLUMNS[self.unit]}" for place in itertools.product(*names)]
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The dimensions other than trial, time and step."""
+        return tuple(dim for dim in self.dims if dim not in (TIME, STEP))
+
+
+def _labels(dim: str, size: int) -> tuple[str, ...]:
+    return LABELS[dim] if dim in LABELS else tuple(f"{dim}{i + 1}" for i in range(size))
+
+
+def _distance(batch: TrialBatch) -> Float32:
+    clock = int(batch.clock[0])  # all arms begin their trials together
+    return batch.distance[:, clock - 1] if clock else batch.start_distance
+
+
+# fmt: off
+STATES = (
+    Field("joint_angle", (TIME, "joint"), "rad",
+          "angle of the joint: of the upper arm to the x axis, of the forearm to the upper arm",
+          lambda batch: batch.joint[:, :2]),
+    Field("joint_velocity", (TIME, "joint"), "rad/s", "angular velocity of the joint",
+          lambda batch: batch.joint[:, 2:]),
+    Field("hand", (TIME, "axis"), "m", "position of the hand, the shoulder at the origin", lambda batch: batch.hand),
+    Field("hand_velocity", (TIME, "axis"), "m/s", "velocity of the hand, from the joints' velocities"),
+    Field("distance", (TIME,), "m", "distance from hand to target", _distance),
+    Field("activation", (TIME, "muscle"), "", "activation of the muscle, from its minimum to 1",
+          lambda batch: batch.muscle[:, ACTIVATION]),
+    Field("muscle_length", (TIME, "muscle"), "m",
+          "length of the muscle without its tendon, at the posture one step before (the arm's equations lag so)",
+          lambda batch: batch.muscle[:, LENGTH]),
+    Field("muscle_velocity", (TIME, "muscle"), "m/s",
+          "velocity of the muscle, positive where it lengthens, at the posture one step before",
+          lambda batch: batch.muscle[:, VELOCITY]),
+    Field("muscle_force", (TIME, "muscle"), "N",
+          "force of the muscle, from its present activation and the length and velocity given here; it acts in the "
+          "step that begins now",
+          lambda batch: batch.muscle[:, FORCE]),
+)
+"""What there is at each moment."""
+OBSERVATION = Field(
+    "observation", (STEP, "observed"), "",
+    "what the policy saw when the step began, with noise and delay: muscle lengths (optimal lengths), muscle "
+    "velocities (maximal velocities), hand and target (m)",
+    lambda batch: batch.observation)
+STEPS = (
+    OBSERVATION,
+    Field("excitation", (STEP, "muscle"), "", "command to the muscle, in [0, 1], held for the step; before motor noise",
+          lambda batch: batch.excitation),
+    Field("reward", (STEP, "side"), "", "reward for the step, from the hand at its end and the excitations in it",
+          lambda batch: batch.vector_reward),
+)
+"""What there is in each step."""
+TRIALS = (
+    Field("target", ("axis",), "m", "position of the target", lambda batch: batch.target),
+    Field("load", ("axis",), "N", "force on the hand, the same throughout the trial", lambda batch: batch.load),
+)
+"""What sets a trial apart."""
+_HIDDEN = "activity (tanh) of the unit of the hidden layer, on the observation of the step, with the lesion"
+HIDDEN_OF_SIDES = Field("hidden", (STEP, "layer", "side", "unit"), "",
+                        f"{_HIDDEN}; its own, before what the callosum adds to it on the way to the next layer")
+HIDDEN = Field("hidden", (STEP, "layer", "unit"), "", _HIDDEN)
+CONTRIBUTION = Field("contribution", (STEP, "side", "muscle"), "",
+                     "what the side adds to the command before its sigmoid, which is both and the output layer's bias; "
+                     "0 for a side with a deep lesion")
+# fmt: on
+LABEL_FIELDS = (
+    Field("seed", (), "", "seed of the network"),
+    Field("lesion", (), "", "lesion of the network, or intact"),
+    Field(
+        "trial",
+        (),
+        "",
+        "number of the trial, from 0: the first trial of the seed `trial_seed` (in the metadata) plus this number",
+    ),
+)
+"""What says which trial of which network this is."""
+HAND_VELOCITY = next(field for field in STATES if field.name == "hand_velocity")
+MEASURED = (*(f for f in STATES if f.name in ("joint_angle", "hand", "distance", "activation")), *STEPS[:2], *TRIALS)
+"""What trials are measured by; the rest is for recordings."""
+EVERY_FIELD = (*LABEL_FIELDS, *STATES, *STEPS, HIDDEN_OF_SIDES, HIDDEN, CONTRIBUTION, *TRIALS)
+"""Every field there is, in the order of tables; ``hidden`` twice, for networks with and without sides."""
+
+
+def fields_of(network: MotorNetwork) -> tuple[Field, ...]:
+    """Return the fields of a recording of ``network``, in the order of tables."""
+    has_sides = isinstance(network, BilateralNetwork)
+    other = {HIDDEN} if has_sides else {HIDDEN_OF_SIDES, CONTRIBUTION}
+    return tuple(field for field in EVERY_FIELD if field not in other)

@@ -1,0 +1,56 @@
+"""What tests take of a run's settings, and what they refuse since it would change nothing."""
+
+import pytest
+
+from bilateral_rl.analysis.conditions import conditions
+from bilateral_rl.config.resolve import resolve
+from bilateral_rl.io.errors import UserError
+
+REACH, HOLD = resolve(None, "random_reach", []), resolve(None, "hold_position", [])
+
+
+def test_the_conditions_are_those_of_the_training_unless_others_are_chosen():
+    under = conditions(REACH)
+    assert (under.task, under.settings, under.changed, under.notes) == ("random_reach", REACH.trial, {}, ())
+    under = conditions(REACH, "hold_position", {"trial": {"max_load": 4, "feedback_delay": 2}})
+    assert (under.settings.max_load, under.settings.feedback_delay, under.settings.trial_length) == (4.0, 2, 50)
+    assert under.changed == {"task": "hold_position", "trial.max_load": 4.0, "trial.feedback_delay": 2}
+    assert under.notes == ()
+    assert conditions(REACH, "random_reach", {"trial": {"trial_length": 50}}).changed == {}
+
+
+def test_supervised_networks_are_tested_with_noise_and_delay_too():
+    under = conditions(resolve("bptt", None, []), None, {"trial": {"motor_noise": 0.1, "feedback_delay": 3}})
+    assert under.settings.noisy
+
+
+@pytest.mark.parametrize(
+    ("config", "task", "settings", "says"),
+    [
+        (REACH, None, {"ppo": {"gamma": 0.9}}, "ppo.gamma belongs to training"),
+        (REACH, None, {"seed": 3}, "seed belongs to training"),
+        (REACH, None, {"network": {"units": 12}}, "network.units belongs to training"),
+        (REACH, None, {"gamma": 0.9}, "gamma belongs to training"),
+        (REACH, None, {"trial": {"gamma": 0.9}}, "Unknown setting 'gamma' in trial"),
+        (REACH, None, {"trial": 3}, "trial must be settings by name"),
+        (REACH, None, {"trial": {"sensory_noise": -1}}, "trial.sensory_noise must be at least 0"),
+        (REACH, None, {"trial": {"arm": {"timestep": 1e-30}}}, "trial.arm.timestep must lie between"),
+        (REACH, None, {"trial": {"max_load": 3}}, "trial.max_load changes nothing in random_reach"),
+        (HOLD, "random_reach", {"trial": {"load": "direction"}}, "trial.load changes nothing in random_reach"),
+        (REACH, "juggle", {}, "Unknown task 'juggle'; choose from random_reach, hold_position"),
+    ],
+)
+def test_what_changes_nothing_or_cannot_be_is_refused(config, task, settings, says):
+    with pytest.raises(UserError, match=says):
+        conditions(config, task, settings)
+
+
+def test_notes_say_what_is_easily_missed():
+    (note,) = conditions(REACH, None, {"trial": {"arm": {"timestep": 0.005}}}).notes
+    assert "5 ms here and was 10 ms" in note
+    assert "50 steps lasts 0.25 s" in note
+    (note,) = conditions(REACH, None, {"trial": {"arm": {"normalized_max_velocity": 8.0}}}).notes
+    assert "maximal velocities of this arm" in note
+    (note,) = conditions(REACH, None, {"trial": {"arm": {"link_length": [0.3, 0.3]}}}).notes
+    assert "0.6 m" in note
+    assert "0.642 m" in note
