@@ -40,7 +40,15 @@ def menu():
 
     Loader.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
     nav = yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), Loader)["nav"]
-    return [page for entry in nav for page in (next(iter(entry.values())) if isinstance(entry, dict) else [entry])]
+    return list(_pages(nav))
+
+
+def _pages(entry):
+    if isinstance(entry, str):
+        yield entry
+    else:
+        for inner in entry.values() if isinstance(entry, dict) else entry:
+            yield from _pages(inner)
 
 
 def test_the_menu_names_every_page_once():
@@ -53,7 +61,7 @@ def test_the_menu_names_every_page_once():
 def site(tmp_path_factory):
     pytest.importorskip("mkdocstrings", reason="the site is built with the extra docs")
     folder = tmp_path_factory.mktemp("site")
-    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder
