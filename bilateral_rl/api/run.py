@@ -213,6 +213,35 @@ class Run:
         ).results  # fmt: skip
 
     @in_python
+    def export(
+        self,
+        out: str | Path,
+        *,
+        trials: int = TEST_TRIALS,
+        seed: int = TEST_SEED,
+        weights: str = FINAL,
+    ) -> Run:
+        """Write the networks as a folder to publish: weights, settings and a model card, without pickles and logs.
+
+        :func:`load` and every command take the folder as they take a run.
+
+        Args:
+            out: the folder to write; it must not exist, or be empty.
+            trials: number of trials of each network, from which the model card has its measures.
+            seed: seed of the first trial.
+            weights: "final", "best" or "step_…": which of the run's weights.
+
+        Returns:
+            The run that the folder is.
+
+        Raises:
+            UserError: what cannot be tested or written; nothing is left then.
+        """
+        from bilateral_rl.api.exporting import export
+
+        return export(self, out, trials=trials, seed=seed, weights=weights)
+
+    @in_python
     def resume(
         self,
         timesteps: int | None = None,

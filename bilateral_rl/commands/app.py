@@ -453,6 +453,20 @@ def import_(
     )
 
 
+@app.command()
+def export(
+    run: Run,
+    out: Annotated[Path, typer.Option(help="The folder to write, which must not exist.", show_default=False)],
+    trials: Trials = TEST_TRIALS,
+    seed: TestSeed = TEST_SEED,
+    weights: Weights = "final",
+) -> None:
+    """Write a run as a folder to publish: weights, settings and a model card with measures; no pickles."""
+    from bilateral_rl.commands import export as command
+
+    command.export(run=run, out=out, trials=trials, seed=seed, weights=weights, console=console)
+
+
 @app.command("list")
 def list_(out: Out = RUNS) -> None:
     """Show the models, tasks and algorithms there are, and the runs made so far."""

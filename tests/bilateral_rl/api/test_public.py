@@ -25,6 +25,7 @@ SIGNATURES = {
     "Run.lesion": "(lesions=None, retrain=None, *, retrain_epochs=None, retrain_learning_rate=None, "
     "retrain_optimizer=None, retrain_trials=None, retrain_penalty=None, retrain_penalty_coefficient=None, "
     "control=True, profile=None, trials=1024, seed=2000000, weights='final', out=None, progress=True)",
+    "Run.export": "(out, *, trials=1024, seed=2000000, weights='final')",
     "Run.resume": "(timesteps=None, epochs=None, *, device=None, track=None, progress=True)",
 }
 PROPERTIES = ["config", "folder", "lesions_folder", "name", "only", "path", "seeds", "status"]
