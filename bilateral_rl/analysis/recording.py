@@ -42,7 +42,7 @@ NUMBERS_AT_ONCE = 2**25
 """Numbers that are kept in memory at a time, which are fewer trials where these are long or networks large."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """``n`` trials, of one network or of several, one after another.
 
@@ -59,6 +59,10 @@ class Recording:
     """Length of a step (s)."""
     metadata: Mapping[str, Any]
     """Where the trials come from: run, task, settings, versions and more, ready for JSON."""
+
+    def __repr__(self) -> str:
+        names = ", ".join(field.name for field in self.quantities)
+        return f"<Recording of {len(self):,} trials of {len(self.time) - 1} steps: {names}>"
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.arrays[name]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +52,7 @@ class Field:
     """Its unit, or "" for a number without one."""
     description: str
     """What it is, in words."""
-    take: Callable[[TrialBatch], Float32] | None = None
+    take: Callable[[TrialBatch], Float32] | None = field(default=None, compare=False, repr=False)
     """Returns its values from arms at a moment, or after a step; None for what is computed from other quantities."""
 
     def columns(self, shape: tuple[int, ...]) -> list[str]:
@@ -69,6 +71,19 @@ def _labels(dim: str, size: int) -> tuple[str, ...]:
     return LABELS[dim] if dim in LABELS else tuple(f"{dim}{i + 1}" for i in range(size))
 
 
+# Functions and not lambdas, so that recordings can be pickled.
+def _angles(batch: TrialBatch) -> Float32:
+    return batch.joint[:, :2]
+
+
+def _angular_velocities(batch: TrialBatch) -> Float32:
+    return batch.joint[:, 2:]
+
+
+def _muscle(row: int, batch: TrialBatch) -> Float32:
+    return batch.muscle[:, row]
+
+
 def _distance(batch: TrialBatch) -> Float32:
     clock = int(batch.clock[0])  # all arms begin their trials together
     return batch.distance[:, clock - 1] if clock else batch.start_distance
@@ -78,42 +93,42 @@ def _distance(batch: TrialBatch) -> Float32:
 STATES = (
     Field("joint_angle", (TIME, "joint"), "rad",
           "angle of the joint: of the upper arm to the x axis, of the forearm to the upper arm",
-          lambda batch: batch.joint[:, :2]),
+          _angles),
     Field("joint_velocity", (TIME, "joint"), "rad/s", "angular velocity of the joint",
-          lambda batch: batch.joint[:, 2:]),
-    Field("hand", (TIME, "axis"), "m", "position of the hand, the shoulder at the origin", lambda batch: batch.hand),
+          _angular_velocities),
+    Field("hand", (TIME, "axis"), "m", "position of the hand, the shoulder at the origin", attrgetter("hand")),
     Field("hand_velocity", (TIME, "axis"), "m/s", "velocity of the hand, from the joints' velocities"),
     Field("distance", (TIME,), "m", "distance from hand to target", _distance),
     Field("activation", (TIME, "muscle"), "", "activation of the muscle, from its minimum to 1",
-          lambda batch: batch.muscle[:, ACTIVATION]),
+          partial(_muscle, ACTIVATION)),
     Field("muscle_length", (TIME, "muscle"), "m",
           "length of the muscle without its tendon, at the posture one step before (the arm's equations lag so)",
-          lambda batch: batch.muscle[:, LENGTH]),
+          partial(_muscle, LENGTH)),
     Field("muscle_velocity", (TIME, "muscle"), "m/s",
           "velocity of the muscle, positive where it lengthens, at the posture one step before",
-          lambda batch: batch.muscle[:, VELOCITY]),
+          partial(_muscle, VELOCITY)),
     Field("muscle_force", (TIME, "muscle"), "N",
           "force of the muscle, from its present activation and the length and velocity given here; it acts in the "
           "step that begins now",
-          lambda batch: batch.muscle[:, FORCE]),
+          partial(_muscle, FORCE)),
 )
 """What there is at each moment."""
 OBSERVATION = Field(
     "observation", (STEP, "observed"), "",
     "what the policy saw when the step began, with noise and delay: muscle lengths (optimal lengths), muscle "
     "velocities (maximal velocities), hand and target (m)",
-    lambda batch: batch.observation)
+    attrgetter("observation"))
 STEPS = (
     OBSERVATION,
     Field("excitation", (STEP, "muscle"), "", "command to the muscle, in [0, 1], held for the step; before motor noise",
-          lambda batch: batch.excitation),
+          attrgetter("excitation")),
     Field("reward", (STEP, "side"), "", "reward for the step, from the hand at its end and the excitations in it",
-          lambda batch: batch.vector_reward),
+          attrgetter("vector_reward")),
 )
 """What there is in each step."""
 TRIALS = (
-    Field("target", ("axis",), "m", "position of the target", lambda batch: batch.target),
-    Field("load", ("axis",), "N", "force on the hand, the same throughout the trial", lambda batch: batch.load),
+    Field("target", ("axis",), "m", "position of the target", attrgetter("target")),
+    Field("load", ("axis",), "N", "force on the hand, the same throughout the trial", attrgetter("load")),
 )
 """What sets a trial apart."""
 _HIDDEN = "activity (tanh) of the unit of the hidden layer, on the observation of the step, with the lesion"
@@ -135,8 +150,8 @@ LABEL_FIELDS = (
     ),
 )
 """What says which trial of which network this is."""
-HAND_VELOCITY = next(field for field in STATES if field.name == "hand_velocity")
-MEASURED = (*(f for f in STATES if f.name in ("joint_angle", "hand", "distance", "activation")), *STEPS[:2], *TRIALS)
+HAND_VELOCITY = next(f for f in STATES if f.name == "hand_velocity")
+MEASURED = (*(f for f in STATES if f.name in ("joint_angle", "hand", "activation")), *STEPS[:2], *TRIALS)
 """What trials are measured by; the rest is for recordings."""
 EVERY_FIELD = (*LABEL_FIELDS, *STATES, *STEPS, HIDDEN_OF_SIDES, HIDDEN, CONTRIBUTION, *TRIALS)
 """Every field there is, in the order of tables; ``hidden`` twice, for networks with and without sides."""
@@ -146,4 +161,4 @@ def fields_of(network: MotorNetwork) -> tuple[Field, ...]:
     """Return the fields of a recording of ``network``, in the order of tables."""
     has_sides = isinstance(network, BilateralNetwork)
     other = {HIDDEN} if has_sides else {HIDDEN_OF_SIDES, CONTRIBUTION}
-    return tuple(field for field in EVERY_FIELD if field not in other)
+    return tuple(f for f in EVERY_FIELD if f not in other)

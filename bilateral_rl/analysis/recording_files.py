@@ -45,11 +45,12 @@ def check_path(path: Path) -> None:
                 f"{ending} files take the library {library}, which is not installed: install the extra, "
                 '`pip install "bilateral-rl[record]"`, or choose .csv or .npz.'
             ) from None
-    try:
-        if path.exists() and not path.is_file():
-            raise UserError(f"{path} is not a regular file: choose another name.")
-    except OSError as error:
-        raise UserError(f"Cannot write {path}: {error.strerror}.") from None
+    for one in (path, side_file(path)) if ending == ".csv" else (path,):
+        try:
+            if one.exists() and not one.is_file():
+                raise UserError(f"{one} is not a regular file: choose another name.")
+        except OSError as error:
+            raise UserError(f"Cannot write {one}: {error.strerror}.") from None
 
 
 def write(path: Path, parts: Iterable[Recording], n: int) -> None:

@@ -111,13 +111,13 @@ class Evaluator:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
         arrays = self.record(policy, MEASURED, deterministic)
-        joint, distance, activation = (arrays.pop(name) for name in ("joint_angle", "distance", "activation"))
+        joint, activation = arrays.pop("joint_angle"), arrays.pop("activation")
         return TrialRecord(
             **arrays,
             joint=joint,
             activation=activation[:, 1:],
-            distance=distance[:, 1:],
-            start_distance=distance[:, 0],
+            distance=self._batch.distance.copy(),
+            start_distance=self._batch.start_distance.copy(),
             vector_return=self._batch.vector_return.copy(),
             arm=self._batch.settings.arm,
         )

@@ -1,8 +1,11 @@
 """Recordings: against the arm's own equations, the network's, and the measures of the same trials."""
 
+import copy
 import dataclasses
+import pickle
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -15,6 +18,7 @@ from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import Arm
 from bilateral_rl.envs.arm.physics import FORCE, LENGTH, VELOCITY
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION
+from bilateral_rl.policies.networks import MotorNetwork, UnilateralNetwork
 from bilateral_rl.runs.policies import build_policy
 from bilateral_rl.vocabulary import SIDES
 
@@ -117,6 +121,22 @@ def test_a_network_without_sides_has_layers_of_all_its_units_and_no_contribution
     z = recording["hidden"][:, :, 1] @ output.weight.detach().numpy().T + output.bias.detach().numpy()
     np.testing.assert_allclose(recording["excitation"], 1 / (1 + np.exp(-z)), atol=1e-5)
     assert "hidden_layer2_unit10" in recording.columns()
+
+
+def test_a_network_of_ones_own_that_tells_no_hidden_layers_is_recorded_without(make, monkeypatch):
+    monkeypatch.setattr(UnilateralNetwork, "forward", lambda network, observation: observation[..., :6])
+    monkeypatch.setattr(UnilateralNetwork, "hidden_layers", MotorNetwork.hidden_layers)
+    recording, _, _ = make(model="uni_b")
+    assert "hidden" not in recording.arrays
+    assert len(recording.frame()) == 5 * 13
+
+
+def test_a_recording_is_copied_sent_to_other_processes_and_named_in_a_line(make):
+    recording, _, _ = make()
+    for copied in (pickle.loads(pickle.dumps(recording)), copy.deepcopy(recording)):
+        assert copied.fields == recording.fields
+        pd.testing.assert_frame_equal(copied.frame(), recording.frame())
+    assert repr(recording).startswith("<Recording of 5 trials of 12 steps: joint_angle, joint_velocity, hand,")
 
 
 def test_a_table_has_a_row_for_each_trial_and_moment_and_units_in_its_columns(make):

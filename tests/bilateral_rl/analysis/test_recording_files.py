@@ -117,6 +117,7 @@ def test_netcdf_has_names_along_its_dimensions_and_units(written, whole):
         assert data.attrs["run"] == "runs/über"
         assert json.loads(data.attrs["changed"]) == {"trial.max_load": 3.0}
         assert data.attrs["timestep_s"] == 0.01
+        assert data.hand.sel(trial=2, axis="x").shape == (4, 11)  # that trial of both networks with both lesions
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -159,10 +160,12 @@ def test_trials_that_fail_leave_nothing(two, whole, tmp_path, ending):
 
 def test_what_cannot_be_a_recording_is_refused_at_once(whole, tmp_path):
     (tmp_path / "folder.csv").mkdir()
+    (tmp_path / "beside.csv.json").mkdir()
     for name, says in {
         "data.xlsx": "ends in .csv, .npz, .parquet, .nc",
         "data": "ends in",
-        "folder.csv": "not a regular file",
+        "folder.csv": "folder.csv is not a regular file",
+        "beside.csv": "beside.csv.json is not a regular file",
         "nowhere/data.npz": "No such file",
         "/proc/data.csv": "Cannot write",
     }.items():
