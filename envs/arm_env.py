@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -10,17 +12,18 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
+from bilateral_rl.envs.doors import checked_seed, numbers
 from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 
 _ARM = np.zeros(1, dtype=np.int32)
-_TRIAL_OPTIONS = ("start", "goal", "load")
 
 
-class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A planar arm with two joints and six muscles reaches for a target, or holds its hand on one against a load.
 
     The arm is MotorNet's ``RigidTendonArm26`` with Hill muscles, as in paper section 2; a step is 10 ms.
@@ -100,40 +103,35 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": render_fps(ArmParameters.timestep)}
 
     def __init__(self, task: str | Task = "random_reach", render_mode: str | None = None, **settings: Any) -> None:
-        self.settings = TrialSettings(**settings)
+        self.batch = TrialBatch(make_task(task), TrialSettings(**settings), n=1)
+        self.settings = self.batch.settings
         self.metadata = self.metadata | {"render_fps": render_fps(self.settings.arm.timestep)}
-        self.batch = TrialBatch(make_task(task), self.settings, n=1)
         low, high = self.settings.observation_bounds()
         self.observation_space = spaces.Box(low, high)
         self.action_space = spaces.Box(-1.0, 1.0, (N_MUSCLES,))
         self._view = SceneView(self.batch, render_mode)
         self.render_mode = render_mode
-        self._steps_left = 0
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        super().reset(seed=seed)
+        trials = _trial_from_options({} if options is None else options)
+        super().reset(seed=checked_seed(seed))
         draws = self.batch.draw(self.np_random)
-        if options:
-            trials = _trial_from_options(options, self.settings.arm)
-        else:
+        if trials is None:
             trials = self.batch.task.trials(draws.uniform, self.settings)
         self.batch.start(_ARM, trials, draws.noise)
-        self._steps_left = self.settings.trial_length
         self._view.advance()
         return self.batch.observation[0].copy(), {}
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        if not self._steps_left:
-            raise RuntimeError("the trial is over: call reset() before the next step().")
         batch = self.batch
         batch.step(action)
-        self._steps_left -= 1
-        truncated = self._steps_left == 0
+        clock = int(batch.clock[0])
+        truncated = clock == self.settings.trial_length
         info: dict[str, Any] = {
             "vector_reward": batch.vector_reward[0].copy(),
-            "distance": float(batch.distance[0, -self._steps_left - 1]),
+            "distance": float(batch.distance[0, clock - 1]),
         }
         if truncated:
             info |= final_infos(batch, _ARM)[0]
@@ -148,24 +146,56 @@ class ArmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._view.close()
 
 
-def _trial_from_options(options: dict[str, Any], arm: ArmParameters) -> Trials:
-    """Return the one trial that ``reset(options=...)`` describes.
+def make_arm_env(**settings: Any) -> ArmEnv:
+    """Return an :class:`ArmEnv` for ``gymnasium.make``, whose ``max_episode_steps`` is its ``trial_length``.
+
+    Gymnasium puts a ``TimeLimit`` around an environment and does not tell it: trials would end at the sooner of two
+    limits, and without their measures where that is Gymnasium's. So the limit is looked up where ``make`` has it.
 
     Raises:
-        ValueError: another option, no start, or values that are no posture within the joint limits or no load.
+        ValueError: a ``trial_length`` besides that is another one.
     """
-    unknown = sorted(set(options) - set(_TRIAL_OPTIONS))
-    if unknown or "start" not in options:
-        raise ValueError(f"a trial is set by {', '.join(_TRIAL_OPTIONS)}, 'start' always, got {sorted(options)}.")
-    values = {name: np.asarray(value, dtype=np.float32) for name, value in options.items()}
+    making = sys._getframe(1).f_locals
+    limit = making.get("max_episode_steps") or getattr(making.get("env_spec"), "max_episode_steps", None)
+    return ArmEnv(**with_time_limit(settings, limit))
+
+
+make_arm_env.metadata = ArmEnv.metadata  # type: ignore[attr-defined]  # where Gymnasium looks for it
+
+
+def with_time_limit(settings: dict[str, Any], max_episode_steps: int | None) -> dict[str, Any]:
+    """Return ``settings`` with Gymnasium's limit, if there is one (-1: none), as ``trial_length``.
+
+    Raises:
+        ValueError: they have another ``trial_length``.
+    """
+    if max_episode_steps in (None, -1):
+        return settings
+    if settings.get("trial_length", max_episode_steps) != max_episode_steps:
+        raise ValueError(
+            f"max_episode_steps={max_episode_steps} and trial_length={settings['trial_length']} contradict each other: "
+            "give trial_length alone."
+        )
+    return settings | {"trial_length": max_episode_steps}
+
+
+def _trial_from_options(options: dict[str, Any]) -> Trials | None:
+    """Return the one trial that ``reset(options=...)`` describes; None without options.
+
+    Raises:
+        TypeError: no dictionary, or values that are no numbers.
+        ValueError: another option, no start, or values that are not two numbers.
+    """
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options must be a dictionary, got {type(options).__name__}.")
+    if not options:
+        return None
+    if "start" not in options or set(options) - set(Trials._fields):
+        given = ", ".join(map(str, options))
+        raise ValueError(f"a trial is set by {', '.join(Trials._fields)}, 'start' always, got {given}.")
+    values = {name: numbers(name, value) for name, value in options.items()}
     for name, value in values.items():
         if value.shape != (2,) or not np.isfinite(value).all():
             raise ValueError(f"{name} must be two finite numbers, got {options[name]!r}.")
-    lower, upper = np.array(arm.joint_lower_limit, np.float32), np.array(arm.joint_upper_limit, np.float32)
-    for name in ("start", "goal"):
-        if name in values and not ((values[name] >= lower) & (values[name] <= upper)).all():
-            limits = f"{lower.tolist()} to {upper.tolist()} rad"
-            raise ValueError(f"{name} must lie within the joint limits, {limits}, got {options[name]!r}.")
     start = values["start"]
-    load = values.get("load", np.zeros(2, dtype=np.float32))
-    return Trials(start=start[None], goal=values.get("goal", start)[None], load=load[None])
+    return Trials(start=start, goal=values.get("goal", start), load=values.get("load", np.zeros(2, dtype=np.float32)))

@@ -15,7 +15,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv
+from bilateral_rl.envs.doors import checked_seed
 from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import SceneView, render_fps
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
@@ -23,7 +25,7 @@ from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, check_array
 
 
-class ArmVecEnv(VecEnv):
+class ArmVecEnv(RunningArms, VecEnv):
     """``n_envs`` arms in one kernel launch, as a stable-baselines3 ``VecEnv``.
 
     Spaces, reward, start and end are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. An arm whose trial ends starts its
@@ -59,8 +61,8 @@ class ArmVecEnv(VecEnv):
         **settings: Any,
     ) -> None:
         self.render_mode = render_mode
-        self.settings = TrialSettings(**settings)
-        self.batch = TrialBatch(make_task(task), self.settings, n_envs, device)
+        self.batch = TrialBatch(make_task(task), TrialSettings(**settings), n_envs, device)
+        self.settings, n_envs = self.batch.settings, self.batch.n
         low, high = self.settings.observation_bounds()
         super().__init__(n_envs, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))
         # After SB3 has put modes alone there, so that its VecVideoRecorder finds the rate.
@@ -69,7 +71,6 @@ class ArmVecEnv(VecEnv):
         self._arms = np.arange(n_envs, dtype=np.int32)
         self._streams: TrialStreams | None = None
         self._action = np.zeros((n_envs, N_MUSCLES), dtype=np.float32)
-        self._clock = np.zeros(n_envs, dtype=np.int64)
         self._began = time.monotonic()
         if seed is not None:
             self.seed(seed)
@@ -79,9 +80,20 @@ class ArmVecEnv(VecEnv):
         """(n_envs, 2) float32: the last step's dominant and non-dominant reward; their mean was the reward."""
         return self._vector_reward
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Give arm i the seed ``seed + i``, used at the next reset; a random one for None."""
+        return super().seed(checked_seed(seed))
+
     def seed_arms(self, seeds: Sequence[int | None]) -> None:
-        """Give each arm a seed of its own, used at the next reset; :meth:`seed` gives arm i ``seed + i``."""
-        self._seeds = list(seeds)
+        """Give each arm a seed of its own, used at the next reset; :meth:`seed` gives arm i ``seed + i``.
+
+        Raises:
+            ValueError: another number of seeds than of arms.
+        """
+        seeds = [checked_seed(seed) for seed in seeds]
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{self.num_envs} arms need {self.num_envs} seeds, got {len(seeds)}.")
+        self._seeds = seeds
 
     def reset(self) -> VecEnvObs:
         """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset.
@@ -100,7 +112,6 @@ class ArmVecEnv(VecEnv):
         else:
             self._streams.reseed(self._seeds)
         self._streams.start(self._arms)
-        self._clock[:] = 0
         self._view.advance()
         self._vector_reward = np.zeros((self.num_envs, 2), dtype=np.float32)
         self._reset_seeds()
@@ -116,17 +127,15 @@ class ArmVecEnv(VecEnv):
             raise RuntimeError("call reset() before the first step().")
         batch = self.batch
         batch.step(self._action)
-        self._clock += 1
         self._vector_reward = batch.vector_reward.copy()
         reward = batch.reward.copy()
-        done = self._clock >= self.settings.trial_length
+        done = batch.clock >= self.settings.trial_length
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
             finished = self._arms[done]
             for arm, info in zip(finished, self._final_infos(finished), strict=True):
                 infos[arm] = info
             self._streams.start(finished)
-            self._clock[finished] = 0
         self._view.advance()
         return batch.observation.copy(), reward, done, infos
 
@@ -162,22 +171,30 @@ class ArmVecEnv(VecEnv):
         Raises:
             ValueError: arrays of another shape or type, or numbers that such an environment cannot come to.
         """
+        if not isinstance(arrays, Mapping):
+            raise TypeError(f"a state must be a dictionary of arrays, got {type(arrays).__name__}.")
         self.reset()
         assert self._streams is not None
         present = self.state_arrays()
         if extra := sorted(set(arrays) - set(present)):
             raise ValueError(f"{extra[0]} is unknown")
         check_array("elapsed", arrays.get("elapsed"), present["elapsed"])
-        self.batch.set_state_arrays(arrays)
-        self._streams.set_state_arrays(arrays)
-        self._clock[:] = self.batch.clock
-        if arrays["elapsed"] < 0 or (self._clock >= self.settings.trial_length).any():
+        self.batch.check_state_arrays(arrays)
+        if arrays["elapsed"] < 0 or (arrays["clock"] >= self.settings.trial_length).any():
             raise ValueError("elapsed or clock is out of range")
+        self._streams.set_state_arrays(arrays)
+        self.batch.set_state_arrays(arrays)
         self._began = time.monotonic() - float(arrays["elapsed"])
         self._view.advance()
 
     def render(self, mode: str | None = None) -> NDArray[np.uint8] | None:
-        """Return a picture (H, W, 3) of the first arms in mode "rgb_array"; in mode "human" each step shows them."""
+        """Return a picture (H, W, 3) of the first arms in mode "rgb_array"; in mode "human" each step shows them.
+
+        Raises:
+            ValueError: a ``mode`` other than the environment's ``render_mode``.
+        """
+        if mode is not None and mode != self.render_mode:
+            raise ValueError(f"these arms were made with render_mode={self.render_mode!r}, and cannot render {mode!r}.")
         return self._view.render()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
@@ -190,6 +207,10 @@ class ArmVecEnv(VecEnv):
         return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute for all arms; settings, and names that would have no effect, are refused."""
+        self.refuse_change(attr_name, value)
+        if not hasattr(self, attr_name):
+            raise AttributeError(f"an ArmVecEnv has no attribute {attr_name!r}: setting it would have no effect.")
         if list(self._get_indices(indices)) != list(range(self.num_envs)):
             raise ValueError("the arms of an ArmVecEnv share their attributes: set them for all, without indices.")
         setattr(self, attr_name, value)

@@ -15,6 +15,8 @@ STRICT = ConfigDict(extra="forbid")
 
 
 def _as_number(value: object) -> object:
+    if getattr(value, "shape", None) == () and hasattr(value, "item"):  # one number of NumPy's or torch's
+        value = value.item()
     if isinstance(value, bool):  # which Python counts as 0 and 1
         raise ValueError(f"must be a number, got {value}")
     if isinstance(value, str):

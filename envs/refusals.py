@@ -38,7 +38,10 @@ def refusal(cls: type[Any], errors: ValidationError) -> str:
     name, kind, value = ".".join(path), error["type"], error["input"]
     if kind in ("unexpected_keyword_argument", "invalid_key"):
         where = f"in {'.'.join(path[:-1])}" if path[:-1] else "among the settings"
-        names = [f.name for f in dataclasses.fields(_field_type(cls, path[:-1]))]
+        inside = _field_type(cls, path[:-1])
+        names = [f.name for f in dataclasses.fields(inside)]
+        if owner := next((n for n in names if path and path[-1] in _names(_field_type(inside, [n]))), None):
+            return f"{path[-1]} is no setting {where}, but one of {owner}: give {owner}={{{path[-1]!r}: ...}}."
         return f"Unknown setting {path[-1] if path else error['loc'][-1]!r} {where}; choose from {', '.join(names)}."
     if kind == "value_error":
         separator = "." if dataclasses.is_dataclass(_field_type(cls, path)) else " "
@@ -78,6 +81,11 @@ def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
     for part in path:
         cls = typing.get_type_hints(cls)[part] if dataclasses.is_dataclass(cls) else object
     return cls
+
+
+def _names(cls: type[Any]) -> set[str]:
+    """Return the names of a dataclass's fields; none of another type."""
+    return {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set()
 
 
 def _shown(value: object) -> str:

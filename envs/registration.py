@@ -11,7 +11,7 @@ for _task, _id in ENVIRONMENT_IDS.items():
     if _id not in registry:
         register(
             id=_id,
-            entry_point="bilateral_rl.envs.arm_env:ArmEnv",
+            entry_point="bilateral_rl.envs.arm_env:make_arm_env",
             vector_entry_point="bilateral_rl.envs.arm_vector_env:ArmVectorEnv",
             kwargs={"task": _task},
         )

@@ -89,9 +89,9 @@ class SceneView:
 
     def _show(self) -> None:
         if self._window is None:
-            self._window = Window(
-                f"bilateral_rl · {self._batch.task.id}", render_fps(self._batch.settings.arm.timestep)
-            )
+            task, timestep = self._batch.task, self._batch.settings.arm.timestep
+            name = getattr(task, "id", type(task).__name__)
+            self._window = Window(f"bilateral_rl · {name}", render_fps(timestep))
         self._window.show(tile(self.pictures()))
 
     def __getstate__(self) -> dict[str, Any]:

@@ -43,6 +43,10 @@ class Task(ABC):
         Args:
             uniform: (n, n_uniform) random numbers in [0, 1).
             settings: how trials run: joint limits, and the largest load.
+
+        Returns:
+            The trials, whose fields are arrays (n, 2) or lists, or one row where all trials have the same. Postures
+            lie within the joint limits; anything else is refused when the trials begin.
         """
 
 
@@ -76,7 +80,9 @@ def make_task(task: str | Task) -> Task:
     """Return the task called ``task``, or ``task`` itself. Raises ValueError naming the valid choices."""
     if isinstance(task, Task):
         return task
-    if task not in TASKS:
+    if isinstance(task, type) and issubclass(task, Task):
+        raise TypeError(f"a task is an object of its class: give {task.__name__}(), not {task.__name__}.")
+    if not isinstance(task, str) or task not in TASKS:
         raise ValueError(f"unknown task {task!r}; choose from {', '.join(TASKS)}.")
     return TASKS[task]()
 

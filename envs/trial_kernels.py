@@ -23,7 +23,7 @@ N_NOISE = N_SENSED + N_MUSCLES
 class TrialArrays:
     """State and outputs of ``n`` arms, each with its own clock. T is the trial's length in steps."""
 
-    clock: wp.array(dtype=wp.int32)  # (n,) steps taken
+    clock: wp.array(dtype=wp.int32)  # (n,) steps taken; T: in no trial
     joint: wp.array(dtype=vec4)  # (n,)
     muscle: wp.array(dtype=rows)  # (n,)
     hand: wp.array(dtype=vec2)  # (n,) m
@@ -99,9 +99,13 @@ def start_trials(
 
 @wp.kernel(module="bilateral_rl.trials", enable_backward=False)
 def step_trials(p: Parameters, weights: weight_rows, action: wp.array(dtype=vec6), s: TrialArrays) -> None:
-    """One step of every arm: actions in [-1, 1] become excitations in [0, 1]."""
+    """One step of every arm in a trial: actions in [-1, 1] become excitations in [0, 1]. The others stand still."""
     arm = wp.tid()
     clock = s.clock[arm]
+    if clock < 0 or clock >= s.distance.shape[1]:  # also what keeps a clock that was tampered with inside the arrays
+        s.reward[arm] = 0.0
+        s.vector_reward[arm] = vec2(0.0, 0.0)
+        return
     noise_row = clock % s.noise.shape[1]
     excitation = vec6()
     driven = vec6()

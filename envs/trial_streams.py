@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.doors import checked_seed
 from bilateral_rl.envs.generators import generator_states, set_generator_states
 from bilateral_rl.envs.trials import TrialBatch, check_array
 
@@ -26,7 +27,7 @@ class TrialStreams:
 
     def __init__(self, batch: TrialBatch, seeds: Sequence[int | None]) -> None:
         self._batch = batch
-        self._generators = [seeding.np_random(seed)[0] for seed in seeds]
+        self._generators = [seeding.np_random(checked_seed(seed))[0] for seed in seeds]
         ahead = 1 if batch.settings.noisy else DRAWN_AHEAD
         self._uniform = np.zeros((batch.n, ahead, batch.task.n_uniform))
         self._next = np.full(batch.n, ahead)
@@ -35,7 +36,7 @@ class TrialStreams:
         """Begin arm ``i``'s stream anew from ``seeds[i]``; where that is None, the stream goes on."""
         for arm, seed in enumerate(seeds):
             if seed is not None:
-                self._generators[arm] = seeding.np_random(seed)[0]
+                self._generators[arm] = seeding.np_random(checked_seed(seed))[0]
                 self._next[arm] = self._uniform.shape[1]
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
-from bilateral_rl.envs.arm.warp_start import start_warp
+from bilateral_rl.envs.arm.warp_start import known_device
+from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renewed, whole_number
 from bilateral_rl.envs.reward import stream_weights
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials
@@ -45,17 +46,22 @@ class Draws(NamedTuple):
 class TrialBatch:
     """``n`` arms doing trials of ``task``, each with its own clock.
 
-    On a CPU every array below is a live view of the kernels' memory; on CUDA it is the host's copy, refreshed by each
-    call. Read them, or copy what must outlive the next call.
+    On a CPU every array below is a live view of the kernels' memory: copy what must outlive the next call. Writing into
+    ``joint``, ``muscle``, ``target`` or ``load`` (``batch.load[:] = ...``) acts on the next step; ``observation`` and
+    the sums follow then. On CUDA the arrays are copies that cannot be written into. No attribute can be replaced: the
+    kernels know the memory, not the name.
+
+    Everything is checked here, before a kernel sees it. All arms are in no trial until :meth:`start` begins one.
 
     Args:
         task: the distribution of trials.
-        settings: how they run.
+        settings: how they run; checked again, and copied.
         n: number of arms.
         device: ``"cpu"`` or a CUDA device.
 
     Raises:
-        ValueError: no arm.
+        TypeError: another kind of argument.
+        ValueError: no arm, a device that there is not, or settings outside their range.
 
     Attributes:
         observation: (n, 16) float32.
@@ -64,7 +70,7 @@ class TrialBatch:
         vector_return: (n, 2) float32, sums since each trial's start.
         distance: (n, T) float32, hand to target after each step (m); entries from a trial's clock on are stale.
         start_distance: (n,) float32 (m).
-        clock: (n,) int32, steps since each trial's start.
+        clock: (n,) int32, steps since each trial's start, read-only; T where a trial is over, or none has begun.
         joint: (n, 4) float32, angles (rad) and velocities (rad/s).
         muscle: (n, 7, 6) float32, rows as in :class:`~bilateral_rl.envs.arm.ArmState`.
         hand, target: (n, 2) float32 (m).
@@ -72,7 +78,11 @@ class TrialBatch:
         excitation: (n, 6) float32, the last step's commands in [0, 1], before motor noise.
     """
 
-    # The annotations are also the list of what is copied from the device: see _OUTPUTS.
+    task: Task
+    settings: TrialSettings
+    n: int
+    device: str
+    # What follows is also the list of what is copied from the device: see _OUTPUTS.
     observation: Float32
     reward: Float32
     vector_reward: Float32
@@ -88,11 +98,14 @@ class TrialBatch:
     excitation: Float32
 
     def __init__(self, task: Task, settings: TrialSettings, n: int, device: str = "cpu") -> None:
-        if n < 1:
-            raise ValueError(f"at least one arm is needed, got {n}.")
-        start_warp()
-        self.task, self.settings, self.n, self.device = task, settings, n, device
-        self._on_cpu = wp.get_device(device).is_cpu
+        if not isinstance(task, Task):
+            raise TypeError(f"task must be a Task, got {task!r}.")
+        settings, n, device = renewed(settings, TrialSettings), _n_arms(n), known_device(device)
+        self.__dict__.update(task=task, settings=settings, n=n, device=device)
+        self._n_uniform = whole_number("n_uniform of a task", task.n_uniform, 0)
+        self._length = settings.trial_length
+        self._steps_left = 0  # at most, of the arm that has most: what reads every clock is asked once a trial
+        self._on_cpu = device == "cpu"
         load_kernels(device)
         self._p = kernel_parameters(settings.arm, wp.float32)
         self._arrays = _allocate(settings, n, device)
@@ -111,17 +124,30 @@ class TrialBatch:
 
     def draw(self, generator: np.random.Generator, k: int = 1) -> Draws:
         """Return the numbers of the next ``k`` trials of one arm (1 where noise is drawn between trials)."""
+        if self.task.n_uniform != self._n_uniform:
+            raise ValueError("n_uniform of a task cannot change while arms run: make a new environment.")
         if not self.settings.noisy:
-            return Draws(generator.random((k, self.task.n_uniform)), None)
-        shape = (1, self.settings.trial_length + 1, N_NOISE)
-        return Draws(generator.random((1, self.task.n_uniform)), generator.standard_normal(shape))
+            return Draws(generator.random((k, self._n_uniform)), None)
+        shape = (1, self._length + 1, N_NOISE)
+        return Draws(generator.random((1, self._n_uniform)), generator.standard_normal(shape))
 
     def start(self, arms: NDArray[np.int32], trials: Trials, noise: NDArray[np.float64] | None = None) -> None:
-        """Begin the k ``trials`` on the k ``arms``, with their normal numbers (k, T + 1, 20) if noisy."""
-        if noise is not None:
-            self._host_noise[arms] = noise * self._noise_scale
-            if not self._on_cpu:
-                self._arrays.noise.assign(self._host_noise)
+        """Begin the k ``trials`` on the k ``arms``, at rest; the other arms go on with theirs.
+
+        Args:
+            arms: (k,) whole numbers, each arm at most once.
+            trials: arrays (k, 2), or a single row for all: postures within the joint limits (rad), and loads (N).
+            noise: (k, T + 1, 20) standard normal numbers, which the settings scale: of each step, fourteen for
+                what is sensed and six for the muscles. None where the settings have no noise.
+
+        Raises:
+            TypeError: no numbers.
+            ValueError: another shape, numbers that are not finite, a posture that the arm cannot take, or noise
+                where there is none, or none where there is.
+        """
+        arms = checked_arms(arms, self.n)
+        trials = checked_trials(trials, len(arms), self.settings.arm)
+        self._set_noise(arms, noise)
         wp.launch(
             start_trials,
             dim=len(arms),
@@ -133,21 +159,47 @@ class TrialBatch:
             ],
             device=self.device,
         )
+        if len(arms):
+            self._steps_left = self._length
         if not self._on_cpu:
             self._fetch()
+
+    def _set_noise(self, arms: NDArray[np.int32], noise: object) -> None:
+        if noise is None and not self.settings.noisy:
+            return
+        shape = (len(arms), self._length + 1, N_NOISE)
+        if noise is None or not self.settings.noisy:
+            raise ValueError(f"noise must be {f'{shape} normal numbers' if noise is None else 'None without noise'}.")
+        normal = numbers("noise", noise)
+        if normal.shape != shape or not np.isfinite(normal).all():
+            raise ValueError(f"noise must be finite numbers of shape {shape}, got shape {normal.shape}.")
+        self._host_noise[arms] = normal * self._noise_scale
+        if not self._on_cpu:
+            self._arrays.noise.assign(self._host_noise)
 
     def step(self, action: NDArray[np.float32]) -> None:
         """Make one step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound.
 
+        An arm that is in no trial stays as it is, and its rewards are 0.
+
         Raises:
+            RuntimeError: no arm is in a trial.
+            TypeError: no numbers.
             ValueError: another shape (one arm also takes (6,)), or a number that is not finite.
         """
-        shape = self._host_action.shape
-        if np.shape(action) != shape and (self.n > 1 or np.shape(action) != shape[1:]):
-            raise ValueError(f"actions must have shape {shape}, got {np.shape(action)}.")
+        if not self._steps_left:
+            self._steps_left = self._length - int(self.clock.min())
+            if self._steps_left <= 0:
+                raise RuntimeError("no trial has begun, or all are over: call reset() before the next step().")
+        action, shape = numbers("actions", action), self._host_action.shape
+        if action.shape != shape and (self.n > 1 or action.shape != shape[1:]):
+            raise ValueError(f"actions must have shape {shape}, got {action.shape}.")
         if not np.isfinite(action).all():
             raise ValueError("actions must be finite numbers: has the policy diverged?")
+        if action.itemsize > self._host_action.itemsize:  # what only double precision holds is out of bounds
+            action = np.clip(action, -1.0, 1.0)
         self._host_action[:] = action
+        self._steps_left -= 1
         if not self._on_cpu:
             self._action.assign(self._host_action)
         self._step_command.launch()
@@ -176,14 +228,21 @@ class TrialBatch:
         Raises:
             ValueError: arrays of another shape or type, or numbers that such a batch cannot come to.
         """
-        for name, present in self.state_arrays().items():
-            check_array(name, arrays.get(name), present)
-        if (arrays["clock"] < 0).any() or (arrays["clock"] > self.settings.trial_length).any():
-            raise ValueError("clock is outside the trial")  # the kernels trust it as an index
+        self.check_state_arrays(arrays)
         for name in _STATE:
             getattr(self._arrays, name).assign(np.ascontiguousarray(arrays[name]))
         self._host_noise = self._arrays.noise.numpy()
+        self._steps_left = self._length - int(arrays["clock"].min())
         self._fetch()
+
+    def check_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Raise the errors of :meth:`set_state_arrays`, and change nothing."""
+        if not isinstance(arrays, Mapping):
+            raise TypeError(f"a state must be a dictionary of arrays, got {type(arrays).__name__}.")
+        for name, present in self.state_arrays().items():
+            check_array(name, arrays.get(name), present)
+        if (arrays["clock"] < 0).any() or (arrays["clock"] > self._length).any():
+            raise ValueError("clock is outside the trial")
 
     def __getstate__(self) -> dict[str, Any]:
         arrays = self.state_arrays()
@@ -193,13 +252,23 @@ class TrialBatch:
         self.__init__(state["task"], state["settings"], state["n"], state["device"])  # type: ignore[misc]
         self.set_state_arrays(state["arrays"])
 
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _KEPT:
+            instead = f"write into it, batch.{name}[:] = ..." if name in _OUTPUTS else "make a new environment"
+            raise AttributeError(f"{name} of running arms cannot be replaced: {instead}.")
+        object.__setattr__(self, name, value)
+
     def _fetch(self) -> None:
         """Make the attributes the kernels' arrays: views on a CPU, copies of what is on another device."""
         for name in _OUTPUTS:
-            setattr(self, name, getattr(self._arrays, name).numpy())
+            array = self.__dict__[name] = getattr(self._arrays, name).numpy()
+            if name == "clock" or not self._on_cpu:  # what is written into it would be lost, or mistaken for a clock
+                array.flags.writeable = False
 
 
-_OUTPUTS = tuple(TrialBatch.__annotations__)
+_FIXED = ("task", "settings", "n", "device")
+_KEPT = frozenset(TrialBatch.__annotations__)
+_OUTPUTS = tuple(name for name in TrialBatch.__annotations__ if name not in _FIXED)
 """Names of the batch's arrays, which are those of the kernels' struct: an array that is annotated is offered."""
 _STATE = (*_OUTPUTS, "noise", "sensed")
 """Names of the arrays that a saved state holds."""
@@ -211,10 +280,17 @@ def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> No
     Raises:
         ValueError: it is missing, of another shape or type than ``like``, or not finite.
     """
-    if array is None or array.shape != like.shape or array.dtype != like.dtype:
+    if not isinstance(array, np.ndarray) or array.shape != like.shape or array.dtype != like.dtype:
         raise ValueError(f"{name} is not a {like.dtype} array of shape {like.shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} is not finite")
+
+
+def _n_arms(n: object) -> int:
+    number = whole_number("the number of arms", n, 0)
+    if number < 1:
+        raise ValueError(f"at least one arm is needed, got {number}.")
+    return number
 
 
 def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
@@ -240,6 +316,7 @@ def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
     arrays = TrialArrays()
     for name, (shape, dtype) in shapes.items():
         setattr(arrays, name, wp.zeros(shape, dtype=dtype, device=device))
+    arrays.clock.fill_(length)  # in no trial
     low, high = settings.observation_bounds()
     arrays.observation_low = wp.array(low, dtype=wp.float32, device=device)
     arrays.observation_high = wp.array(high, dtype=wp.float32, device=device)

@@ -67,6 +67,10 @@ class StackedAdam:
         self._rollout, self._losses = rollout, losses
         self.learning_rate, self.epsilon, self.clip_norm = learning_rate, epsilon, clip_norm
         self.steps = [step] * rollout.size.n_networks if isinstance(step, int) else list(step)
+        if len(self.steps) != rollout.size.n_networks:
+            raise ValueError(
+                f"{rollout.size.n_networks} networks need as many numbers of steps, got {len(self.steps)}."
+            )
         self.first, self.second, self.routed = (torch.zeros_like(rollout.weights) for _ in range(3))
         variables = rollout.layout.variables
         self.norms = rollout.weights.new_zeros(rollout.size.n_networks, len(variables))
@@ -87,6 +91,8 @@ class StackedAdam:
     def gradient(self) -> Tensor:
         """Compute the routed gradients of the rollout's last forward pass; return (S,) bool, whether each is finite."""
         gradient = self._losses.gradient(self._rollout)
+        if gradient.shape != (len(self._shares), *self.routed.shape):
+            raise ValueError(f"the losses are {len(self._shares)}, and the rollout gave {len(gradient)} gradients.")
         inputs = [gradient, self._rollout.weights, self._decay, self._shares, self._offsets, self._still]
         self._launch(self._kernels.route, [*inputs, self.routed, self.norms])
         return self.norms.isfinite().all(1)

@@ -93,9 +93,16 @@ class Rollout:
             self._backward = self._record(kernels.roll_adjoint, parameters, structs)
 
     def load(self, trials: TrialTensors, first: int = 0) -> None:
-        """Take ``B`` trials of each network, from trial ``first`` on, out of ``trials`` (S, n, 2)."""
+        """Take ``B`` trials of each network, from trial ``first`` on, out of ``trials`` (S, n, 2).
+
+        Raises:
+            ValueError: not as many networks, or too few trials.
+        """
         for loaded, drawn in zip(self.trials, trials, strict=True):
-            loaded.copy_(drawn[:, first : first + self.size.n_trials])
+            part = drawn[:, first : first + self.size.n_trials]
+            if part.shape != loaded.shape:  # a single trial would be done by all arms
+                raise ValueError(f"the rollout takes trials of shape {tuple(loaded.shape)}, got {tuple(part.shape)}.")
+            loaded.copy_(part)
 
     def forward(self) -> None:
         """Do every trial once; fills the trajectories."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.bptt.rollout_arrays import TrialTensors
 from bilateral_rl.envs.arm import Arm
+from bilateral_rl.envs.doors import checked_trials
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task
 
@@ -58,7 +59,8 @@ def _sequence(seed: int, *stream: int) -> np.random.SeedSequence:
 
 
 def _draw(sequence: np.random.SeedSequence, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
-    trials = task.trials(np.random.default_rng(sequence).random((n, task.n_uniform)), settings)
+    drawn = task.trials(np.random.default_rng(sequence).random((n, task.n_uniform)), settings)
+    trials = checked_trials(drawn, n, settings.arm)
     goal = Arm(settings.arm).rest(torch.from_numpy(trials.goal))
     return TrialTensors(
         start=torch.from_numpy(trials.start),

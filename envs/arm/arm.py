@@ -11,7 +11,8 @@ from torch import Tensor
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.arm.physics import LENGTH, N_MUSCLE_ROWS, VELOCITY, ArmTypes, arm_types, kernel_parameters
-from bilateral_rl.envs.arm.warp_start import launch_on
+from bilateral_rl.envs.arm.warp_start import known_device, launch_on
+from bilateral_rl.envs.doors import renewed
 
 _REAL = {torch.float32: wp.float32, torch.float64: wp.float64}
 
@@ -36,8 +37,11 @@ class Arm:
         device: ``"cpu"`` or a CUDA device.
         dtype: ``torch.float32`` or ``torch.float64``.
 
+    Numbers that are not finite pass through it, as through any operation of torch's.
+
     Raises:
-        ValueError: a dtype other than the two.
+        TypeError: parameters that are no :class:`ArmParameters`.
+        ValueError: a dtype other than the two, a device that there is not, or parameters outside their range.
     """
 
     def __init__(
@@ -48,8 +52,8 @@ class Arm:
     ) -> None:
         if dtype not in _REAL:
             raise ValueError(f"the arm computes in torch.float32 or torch.float64, not {dtype}.")
-        self.parameters = parameters or ArmParameters()
-        self.device = torch.device(device)
+        self.parameters = ArmParameters() if parameters is None else renewed(parameters, ArmParameters)
+        self.device = torch.device(known_device(device))
         self.dtype = dtype
         self._kernels, self._types = arm_kernels(_REAL[dtype]), arm_types(_REAL[dtype])
         self._p = kernel_parameters(self.parameters, _REAL[dtype])
@@ -60,9 +64,10 @@ class Arm:
         """Return the state at rest at ``angles`` (n, 2) rad, muscles at their minimal activation; not differentiable.
 
         Raises:
+            TypeError: no tensor of real numbers.
             ValueError: angles of another shape.
         """
-        angles = angles.to(self.device, self.dtype)
+        angles = self._converted("angles", angles)
         if angles.ndim != 2 or angles.shape[1] != 2:
             raise ValueError(f"angles must have shape (n, 2), got {tuple(angles.shape)}.")
         return self.state(torch.cat([angles, torch.zeros_like(angles)], dim=1))
@@ -71,9 +76,10 @@ class Arm:
         """Return the state with ``joint`` (n, 4), muscles at their minimal activation; not differentiable.
 
         Raises:
+            TypeError: no tensor of real numbers.
             ValueError: a joint state of another shape.
         """
-        joint = joint.detach().to(self.device, self.dtype, copy=True).contiguous()
+        joint = self._converted("joint", joint).detach().clone(memory_format=torch.contiguous_format)
         if joint.ndim != 2 or joint.shape[1] != 4:
             raise ValueError(f"joint must have shape (n, 4), got {tuple(joint.shape)}.")
         n = len(joint)
@@ -93,24 +99,41 @@ class Arm:
             The state at t + 1, differentiable with respect to ``state``, ``excitation`` and ``load``.
 
         Raises:
+            TypeError: no :class:`ArmState`, or no tensors of real numbers.
             ValueError: shapes that do not agree.
         """
-        n = len(state.joint)
+        if not isinstance(state, ArmState):
+            raise TypeError(f"state must be an ArmState, as rest and state return it, got {type(state).__name__}.")
+        given = {"joint": state.joint, "muscle": state.muscle, "excitation": excitation, "load": load}
         if load is None:
-            load = state.joint.new_zeros(n, 2)
-        inputs = {"joint": state.joint, "muscle": state.muscle, "excitation": excitation, "load": load}
+            del given["load"]
+        inputs = {name: self._converted(name, tensor) for name, tensor in given.items()}
+        n = len(inputs["joint"]) if inputs["joint"].ndim else 0
+        inputs.setdefault("load", inputs["joint"].new_zeros(n, 2))
         shapes = ((4,), (N_MUSCLE_ROWS, N_MUSCLES), (N_MUSCLES,), (2,))
         for (name, tensor), shape in zip(inputs.items(), shapes, strict=True):
             if tensor.shape != (n, *shape):
                 raise ValueError(f"{name} of {n} arms must have shape {(n, *shape)}, got {tuple(tensor.shape)}.")
-        converted = (tensor.to(self.device, self.dtype) for tensor in inputs.values())
-        return ArmState(*_Step.apply(self, *converted))  # type: ignore[no-untyped-call]
+        return ArmState(*_Step.apply(self, *inputs.values()))  # type: ignore[no-untyped-call]
 
     def proprioception(self, state: ArmState) -> Tensor:
         """Return the sensed (n, 12): muscle lengths (optimal lengths), then velocities (maximal velocities)."""
         return torch.cat(
             [state.muscle[:, LENGTH] / self._optimal_length, state.muscle[:, VELOCITY] / self._max_velocity], dim=1
         )
+
+    def _converted(self, name: str, tensor: object) -> Tensor:
+        """Return ``tensor`` on the arm's device and in its precision; a gradient goes back through it.
+
+        Raises:
+            TypeError: no dense tensor of real numbers.
+        """
+        if not isinstance(tensor, Tensor):
+            raise TypeError(f"{name} must be a torch tensor, got {type(tensor).__name__}.")
+        real = not (tensor.is_complex() or tensor.is_quantized or tensor.dtype is torch.bool)
+        if not real or tensor.layout is not torch.strided or tensor.is_meta:
+            raise TypeError(f"{name} must be a dense tensor of real numbers, got {tensor.dtype}, {tensor.layout}.")
+        return tensor.to(self.device, self.dtype)
 
     def _tensor(self, values: Any) -> Tensor:
         return torch.tensor(values, dtype=self.dtype, device=self.device)

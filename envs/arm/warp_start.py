@@ -32,6 +32,23 @@ def launch_on(device: str | torch.device) -> dict[str, Any]:
     return {"device": str(device)}
 
 
+def known_device(device: object) -> str:
+    """Return Warp's name of a device, given as a name or as torch's device.
+
+    Raises:
+        ValueError: neither "cpu" nor a CUDA device that there is.
+    """
+    start_warp()
+    try:
+        chosen = torch.device(device)  # type: ignore[call-overload]
+        if chosen.type != "cpu" and not wp.is_cuda_available():  # Warp would write about it
+            raise ValueError(chosen)
+        name = str(wp.get_device("cpu" if chosen.type == "cpu" else str(chosen)))
+    except (RuntimeError, TypeError, ValueError):
+        raise ValueError(f"device must be 'cpu' or a CUDA device of this machine, got {device!r}.") from None
+    return name
+
+
 def _has_cuda_driver() -> bool:
     """Return whether the CUDA driver's library can be loaded."""
     try:

@@ -92,7 +92,6 @@ def test_arms_with_clocks_of_their_own_stay_single_environments(settings):
     for t, command in enumerate(actions(3 * LENGTH, 2)):
         if t == 3:
             venv._streams.start(np.array([1], dtype=np.int32))
-            venv._clock[1] = 0
             np.testing.assert_array_equal(venv.batch.observation[1], envs[1].reset()[0])
             assert venv.batch.clock.tolist() == [3, 0]
         step = venv.step(command)
@@ -222,10 +221,9 @@ def test_attributes_belong_to_all_arms():
     venv = make(3)
     assert venv.get_attr("render_mode") == [None] * 3
     assert venv.get_attr("settings", indices=[0, 2]) == [venv.settings] * 2
-    venv.set_attr("note", 5)
-    assert venv.get_attr("note", 1) == [5]
+    assert venv.get_attr("threshold", 1) == [0.05]
     with pytest.raises(ValueError, match="share"):
-        venv.set_attr("note", 5, indices=[1])
+        venv.set_attr("reset_infos", [], indices=[1])
     with pytest.raises(AttributeError, match="step"):
         venv.env_method("step")
     assert venv.env_is_wrapped(Monitor) == [True] * 3
