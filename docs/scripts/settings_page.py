@@ -207,8 +207,8 @@ def _range(schema: Mapping[str, Any]) -> str:
     above = [schema[name] for name in ("gt", "exclusiveMinimum") if name in schema]
     high = [schema[name] for name in ("le", "maximum") if name in schema]
     below = [schema[name] for name in ("lt", "exclusiveMaximum") if name in schema]
-    ends = [f"≥ {text(x)}" for x in low] + [f"> {text(x)}" for x in above]
-    ends += [f"≤ {_large(x)}" for x in high] + [f"< {text(x)}" for x in below]
+    signs = (("≥", low), (">", above), ("≤", high), ("<", below))
+    ends = [f"{sign}\N{NO-BREAK SPACE}{_large(x)}" for sign, found in signs for x in found]
     return ", ".join(ends) or "any finite number"
 
 

@@ -69,5 +69,6 @@ def _text(source: str) -> str:
     text = (ROOT / source).read_text(encoding="utf-8")
     if source == "examples/README.md":
         scripts = sorted(ROOT.glob("examples/*.py"))
+        text = "---\nsearch:\n  boost: 0.2\n---\n" + text  # long scripts would stand before every explanation
         text += "".join(f"\n## {file.name}\n\n```python\n{file.read_text(encoding='utf-8')}```\n" for file in scripts)
     return text
