@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from gymnasium import spaces
@@ -23,6 +23,9 @@ from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, check_array
+
+if TYPE_CHECKING:
+    import torch
 
 
 class ArmVecEnv(RunningArms, VecEnv):
@@ -53,24 +56,24 @@ class ArmVecEnv(RunningArms, VecEnv):
 
     def __init__(
         self,
-        n_envs: int,
+        n_envs: SupportsIndex,
         task: str | Task = "random_reach",
         render_mode: str | None = None,
-        device: str = "cpu",
-        seed: int | None = None,
+        device: str | torch.device = "cpu",
+        seed: SupportsIndex | None = None,
         **settings: Any,
     ) -> None:
         self.render_mode = render_mode
         self.batch = TrialBatch(make_task(task), TrialSettings(**settings), n_envs, device)
-        self.settings, n_envs = self.batch.settings, self.batch.n
+        self.settings, n = self.batch.settings, self.batch.n
         low, high = self.settings.observation_bounds()
-        super().__init__(n_envs, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))
+        super().__init__(n, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))
         # After SB3 has put modes alone there, so that its VecVideoRecorder finds the rate.
         self.metadata |= {"render_fps": render_fps(self.settings.arm.timestep)}
         self._view = SceneView(self.batch, render_mode)
-        self._arms = np.arange(n_envs, dtype=np.int32)
+        self._arms = np.arange(n, dtype=np.int32)
         self._streams: TrialStreams | None = None
-        self._action = np.zeros((n_envs, N_MUSCLES), dtype=np.float32)
+        self._action = np.zeros((n, N_MUSCLES), dtype=np.float32)
         self._began = time.monotonic()
         if seed is not None:
             self.seed(seed)
@@ -80,20 +83,20 @@ class ArmVecEnv(RunningArms, VecEnv):
         """(n_envs, 2) float32: the last step's dominant and non-dominant reward; their mean was the reward."""
         return self._vector_reward
 
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+    def seed(self, seed: SupportsIndex | None = None) -> Sequence[int | None]:
         """Give arm i the seed ``seed + i``, used at the next reset; a random one for None."""
         return super().seed(checked_seed(seed))
 
-    def seed_arms(self, seeds: Sequence[int | None]) -> None:
+    def seed_arms(self, seeds: Sequence[SupportsIndex | None]) -> None:
         """Give each arm a seed of its own, used at the next reset; :meth:`seed` gives arm i ``seed + i``.
 
         Raises:
             ValueError: another number of seeds than of arms.
         """
-        seeds = [checked_seed(seed) for seed in seeds]
-        if len(seeds) != self.num_envs:
-            raise ValueError(f"{self.num_envs} arms need {self.num_envs} seeds, got {len(seeds)}.")
-        self._seeds = seeds
+        checked = [checked_seed(seed) for seed in seeds]
+        if len(checked) != self.num_envs:
+            raise ValueError(f"{self.num_envs} arms need {self.num_envs} seeds, got {len(checked)}.")
+        self._seeds = checked
 
     def reset(self) -> VecEnvObs:
         """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset.

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import operator
-from typing import Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from gymnasium import spaces
@@ -12,20 +11,25 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
-from bilateral_rl.envs.arm_env import ArmEnv
+from bilateral_rl.envs.arm_env import ArmEnv, with_time_limit
+from bilateral_rl.envs.doors import checked_seed, whole_number
 from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import MAX_DRAWN, SceneView, render_fps
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch
 
+if TYPE_CHECKING:
+    import torch
+
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 """(num_envs,): some of the arms."""
 
 
-class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
+class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
     """``num_envs`` arms in one kernel launch, as a Gymnasium ``VectorEnv``: the one of ``gymnasium.make_vec``.
 
     Spaces, reward, start, end and info are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. What follows the end of an
@@ -55,22 +59,22 @@ class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         num_envs: SupportsIndex = 1,
         task: str | Task = "random_reach",
         render_mode: str | None = None,
-        device: str = "cpu",
+        device: str | torch.device = "cpu",
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         **settings: Any,
     ) -> None:
-        self.num_envs = operator.index(num_envs)
+        trials = TrialSettings(**with_time_limit(settings, settings.pop("max_episode_steps", None)))
+        self.batch = TrialBatch(make_task(task), trials, num_envs, device)
+        self.settings, self.num_envs = self.batch.settings, self.batch.n
         self.render_mode = render_mode
         self._mode = _mode(autoreset_mode)
-        trials = TrialSettings(**settings)
         fps = render_fps(trials.arm.timestep)
         self.metadata = self.metadata | {"autoreset_mode": self._mode, "render_fps": fps}
-        self._batch = TrialBatch(make_task(task), trials, self.num_envs, device)
         # Gymnasium wants a picture of every arm; a window has no room for them.
-        self._view = SceneView(self._batch, render_mode, MAX_DRAWN if render_mode == "human" else self.num_envs)
+        self._view = SceneView(self.batch, render_mode, MAX_DRAWN if render_mode == "human" else self.num_envs)
         self._streams: TrialStreams | None = None
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
-        low, high = trials.observation_bounds()
+        low, high = self.settings.observation_bounds()
         self.single_observation_space = spaces.Box(low, high)
         self.single_action_space = spaces.Box(-1.0, 1.0, (N_MUSCLES,))
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -90,24 +94,23 @@ class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         """
         arms = self._chosen(options or {})
         if isinstance(seed, SupportsIndex):
-            seed = [operator.index(seed) + arm for arm in range(self.num_envs)]
+            first = whole_number("seed", seed, 0)
+            seed = [first + arm for arm in range(self.num_envs)]
         if seed is None:
             seed = [None] * self.num_envs
         if len(seed) != self.num_envs:
             raise ValueError(f"{self.num_envs} arms need {self.num_envs} seeds, got {len(seed)}.")
-        seeds = [
-            None if one is None or not chosen else operator.index(one) for one, chosen in zip(seed, arms, strict=True)
-        ]
+        seeds = [checked_seed(one) if chosen else None for one, chosen in zip(seed, arms, strict=True)]
         if self._streams is None:
             if not arms.all():
                 raise RuntimeError("the first reset() starts every arm: call it without a reset_mask.")
-            self._streams = TrialStreams(self._batch, seeds)
+            self._streams = TrialStreams(self.batch, seeds)
         else:
             self._streams.reseed(seeds)
         self._start(arms)
         self._ended[arms] = False
         self._view.advance()
-        return self._batch.observation.copy(), {}
+        return self.batch.observation.copy(), {}
 
     def step(self, actions: Float32) -> tuple[Float32, Float32, Mask, Mask, dict[str, Any]]:
         """Make a step of every arm.
@@ -122,19 +125,17 @@ class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
             ValueError: actions of another shape, or that are not finite.
             RuntimeError: before the first :meth:`reset`, or for an arm whose trial is over if autoreset is disabled.
         """
-        batch = self._batch
+        batch = self.batch
         if self._streams is None:
             raise RuntimeError("call reset() before the first step().")
         if self._mode is AutoresetMode.DISABLED and self._ended.any():
             over = np.flatnonzero(self._ended).tolist()
             raise RuntimeError(f'the trials of the arms {over} are over: reset(options={{"reset_mask": …}}) first.')
         begun = self._ended  # in the next-step mode alone, there are any
+        if not begun.all():
+            batch.step(actions)  # where a trial is over, an arm stands still
         if begun.any():
             self._start(begun)
-            with batch.standing(begun):
-                batch.step(actions)
-        else:
-            batch.step(actions)
         moved = ~begun
         self._ended = batch.clock >= batch.settings.trial_length
         truncated = self._ended.copy()
@@ -173,7 +174,7 @@ class ArmVectorEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
 
     def _infos(self, moved: Mask) -> dict[str, Any]:
         """Return the infos of a step that ``moved`` made and the others did not, before trials begin anew."""
-        batch, infos = self._batch, dict[str, Any]()
+        batch, infos = self.batch, dict[str, Any]()
         if not moved.any():
             return infos
         distance = batch.distance[np.arange(self.num_envs), batch.clock - 1].astype(float)

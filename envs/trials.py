@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex
 
 import numpy as np
 import warp as wp
@@ -30,6 +29,9 @@ from bilateral_rl.envs.trial_kernels import (
     vec4,
     vec6,
 )
+
+if TYPE_CHECKING:
+    import torch
 
 Float32 = NDArray[np.float32]
 
@@ -97,7 +99,9 @@ class TrialBatch:
     load: Float32
     excitation: Float32
 
-    def __init__(self, task: Task, settings: TrialSettings, n: int, device: str = "cpu") -> None:
+    def __init__(
+        self, task: Task, settings: TrialSettings, n: SupportsIndex, device: str | torch.device = "cpu"
+    ) -> None:
         if not isinstance(task, Task):
             raise TypeError(f"task must be a Task, got {task!r}.")
         settings, n, device = renewed(settings, TrialSettings), _n_arms(n), known_device(device)
@@ -203,18 +207,6 @@ class TrialBatch:
         if not self._on_cpu:
             self._action.assign(self._host_action)
         self._step_command.launch()
-        if not self._on_cpu:
-            self._fetch()
-
-    @contextlib.contextmanager
-    def standing(self, arms: NDArray[np.bool_]) -> Iterator[None]:
-        """A context in which steps leave ``arms`` (n,), whose trials have just begun, as they are."""
-        kept = {name: array[arms].copy() for name, array in self.state_arrays().items()}
-        yield
-        for name, array in self.state_arrays().items():
-            array[arms] = kept[name]
-            if not self._on_cpu:
-                getattr(self._arrays, name).assign(array)
         if not self._on_cpu:
             self._fetch()
 

@@ -158,6 +158,7 @@ def test_actions_of_any_real_type_do():
 RUNNING = {
     "ArmEnv": ArmEnv,
     "ArmVecEnv": lambda **settings: ArmVecEnv(3, **settings),
+    "ArmVectorEnv": lambda **settings: ArmVectorEnv(3, **settings),
 }
 each_running = pytest.mark.parametrize("make", RUNNING.values(), ids=RUNNING)
 
@@ -174,7 +175,7 @@ def test_what_arms_run_by_cannot_be_replaced_and_the_words_say_what_to_do(make, 
         for indices in (None, [1]):
             with pytest.raises(AttributeError, match=f"^{name} of a running"):
                 env.set_attr(name, 60, indices)
-    else:
+    elif isinstance(env, ArmEnv):
         with pytest.raises(AttributeError, match=f"^{name} of a running"):
             env.set_wrapper_attr(name, 60)
 
@@ -291,7 +292,7 @@ def test_a_subclass_of_the_settings_reaches_the_task():
 
 @pytest.mark.parametrize("n", [np.int64(3), np.uint8(3), np.array(3), torch.tensor(3), 3])
 def test_the_number_of_arms_is_any_whole_number(n):
-    assert ArmVecEnv(n).reset().shape == (3, 16)
+    assert ArmVecEnv(n).reset().shape == ArmVectorEnv(n).reset()[0].shape == (3, 16)
 
 
 @pytest.mark.parametrize("n", [3.0, "3", None, True, np.bool_(True), [3], -1, 0])
@@ -340,6 +341,7 @@ def test_seeds_are_whole_numbers_of_any_kind():
     first = ArmEnv().reset(seed=3)[0]
     np.testing.assert_array_equal(ArmEnv().reset(seed=np.int64(3))[0], first)
     np.testing.assert_array_equal(ArmVecEnv(2, seed=np.uint8(3)).reset()[0], first)
+    np.testing.assert_array_equal(ArmVectorEnv(2).reset(seed=np.uint8(3))[0][0], first)
     env = ArmVecEnv(2)
     env.seed_arms(np.array([7, 3]))
     np.testing.assert_array_equal(env.reset()[1], first)
@@ -348,6 +350,8 @@ def test_seeds_are_whole_numbers_of_any_kind():
             ArmVecEnv(2, seed=seed)
         with pytest.raises((TypeError, ValueError), match="seed must be"):
             ArmEnv().reset(seed=seed)
+        with pytest.raises((TypeError, ValueError), match="seed must be"):
+            ArmVectorEnv(2).reset(seed=[1, seed])
     with pytest.raises(ValueError, match="2 arms need 2 seeds, got 3"):
         env.seed_arms([1, 2, 3])
 
@@ -364,6 +368,11 @@ def test_gymnasiums_own_limit_is_the_trials_length(limit):
     assert gymnasium.make("bilateral_rl/RandomReach-v0", max_episode_steps=-1).get_wrapper_attr("trial_length") == 50
     with pytest.raises(ValueError, match="contradict each other: give trial_length alone"):
         gymnasium.make("bilateral_rl/RandomReach-v0", max_episode_steps=limit, trial_length=50)
+    for mode in ("vector_entry_point", "sync"):
+        many = gymnasium.make_vec("bilateral_rl/RandomReach-v0", 2, vectorization_mode=mode, max_episode_steps=limit)
+        many.reset(seed=0)
+        ends = [many.step(np.zeros((2, 6), np.float32))[3].all() for _ in range(limit)]
+        assert ends == [False] * (limit - 1) + [True]
 
 
 @pytest.mark.parametrize("options", [[1], 5, "start", {("start",): 1}, {"start": None}, {"start": "ab"}, np.zeros(2)])
