@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import pathlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
@@ -18,9 +20,11 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
+from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies.sb3_arguments import available
 from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
 
 Log = defaultdict[str, list[Tensor]]
@@ -28,6 +32,13 @@ Log = defaultdict[str, list[Tensor]]
 
 _STATE_DEPENDENT_EXPLORATION = {"use_sde": False, "sde_sample_freq": -1, "use_sde_at_warmup": False}
 """Arguments of SB3 that mean nothing without gSDE, with the one value that each may have."""
+
+
+_OF_BUFFERS = {
+    "buffer_size", "observation_space", "action_space", "device", "gamma", "gae_lambda", "n_envs",
+    "optimize_memory_usage",
+}  # fmt: skip
+"""Arguments that SB3 gives to buffers by itself."""
 
 
 class Hemispheric(BaseAlgorithm):
@@ -49,6 +60,10 @@ class Hemispheric(BaseAlgorithm):
     _last_traces: NDArray[np.float32] | None = None  # (n_envs, n): of the actions before the last observation
     POLICY_CLASS: ClassVar[type[MotorPolicy]]
     """The class that ``policy`` must be of."""
+    CHECKS: ClassVar[Mapping[str, Check]] = EVERY
+    """What each argument may be."""
+    FIXED: ClassVar[tuple[str, ...]] = ("loss", "action_traces", "policy_kwargs", "seed")
+    """Attributes of which what is built depends, so that another value afterwards would be half ignored."""
 
     def __init__(
         self,
@@ -68,12 +83,35 @@ class Hemispheric(BaseAlgorithm):
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
         self.action_traces = checked_decays(action_traces)
-        for name, default in _STATE_DEPENDENT_EXPLORATION.items():
-            if sb3_arguments.get(name, default) != default:
-                raise ValueError(f"state-dependent exploration ({name}) is not available; leave it out.")
         critics_of = {"n_streams": len(stream_mix(loss)), "n_traces": len(self.action_traces)}
-        policy_kwargs = critics_of | (policy_kwargs or {})
-        super().__init__(policy, env, policy_kwargs=policy_kwargs, **sb3_arguments)
+        policy_kwargs = critics_of | available(policy_kwargs or {})
+        super().__init__(policy, env, policy_kwargs=policy_kwargs, **checked(sb3_arguments, self.CHECKS))
+
+    @classmethod
+    def load(
+        cls,
+        path: str | pathlib.Path | io.BufferedIOBase,
+        env: GymEnv | None = None,
+        device: torch.device | str = "auto",
+        custom_objects: dict[str, Any] | None = None,
+        print_system_info: bool = False,
+        force_reset: bool = True,
+        **kwargs: Any,
+    ) -> Self:
+        """Load a model as SB3 does, which executes code that the file holds; ``kwargs`` are what it shall have anew.
+
+        Raises:
+            ValueError: ``kwargs`` that no constructor takes, or that a saved model keeps.
+        """
+        blank = vars(cls(next(iter(cls.policy_aliases)), None, _init_setup_model=False))  # type: ignore[call-arg]
+        changes = arguments_of_load(cls, kwargs, blank)
+        try:
+            return super().load(path, env, device, custom_objects, print_system_info, force_reset, **changes)
+        except KeyError as error:
+            # SB3 takes every ValueError of `set_parameters` for one of DQN's, and looks for what DQN alone has.
+            if isinstance(error.__context__, ValueError):
+                raise error.__context__ from None
+            raise
 
     @classmethod
     def constructor_arguments(
@@ -99,6 +137,7 @@ class Hemispheric(BaseAlgorithm):
             name = type(self).__name__
             raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
         self.action_traces = checked_decays(self.action_traces)  # a saved model has them in a list
+        self._check_attributes()
         if isinstance(self.action_space, spaces.Box):  # the policy refuses any other
             self._traces = ActionTraces(self.action_traces, get_action_dim(self.action_space))
         super()._setup_model()  # type: ignore[safe-super]
@@ -117,6 +156,14 @@ class Hemispheric(BaseAlgorithm):
                 f"action_traces has {len(self.action_traces)} decays, but the policy's critics see "
                 f"{self.policy.n_traces} traces: a saved model keeps its traces, and policy_kwargs leave n_traces out."
             )
+        self._built_with = {name: getattr(self, name) for name in (*self.FIXED, "learning_rate")}
+
+    def _check_attributes(self) -> None:
+        """Refuse what cannot work, of the constructor's arguments, ``load``'s, and attributes that were set since."""
+        for name, default in _STATE_DEPENDENT_EXPLORATION.items():
+            if vars(self).get(name, default) != default:
+                raise ValueError(f"state-dependent exploration ({name}) is not available; leave it out.")
+        vars(self).update(checked({name: v for name, v in vars(self).items() if name in self.CHECKS}, self.CHECKS))
 
     def _setup_learn(
         self,
@@ -126,6 +173,16 @@ class Hemispheric(BaseAlgorithm):
         tb_log_name: str = "run",
         progress_bar: bool = False,
     ) -> tuple[int, BaseCallback]:
+        self._check_attributes()
+        for name in self.FIXED:
+            if getattr(self, name) != self._built_with[name]:
+                raise ValueError(
+                    f"the model was built with {name}={self._built_with[name]!r}, and setting {name} afterwards does "
+                    "not rebuild it: give it to the constructor."
+                )
+        if self.learning_rate != self._built_with["learning_rate"]:
+            self._built_with["learning_rate"] = self.learning_rate
+            self._setup_lr_schedule()
         if reset_num_timesteps or self._last_obs is None or self._last_traces is None:
             assert self.env is not None
             self._last_traces = self._traces.start(self.env.num_envs)
@@ -145,14 +202,24 @@ class Hemispheric(BaseAlgorithm):
         return after
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_traces", "_mix", "_shares", "_groups", "_network_groups"]
+        return [
+            *super()._excluded_save_params(),
+            "_traces",
+            "_mix",
+            "_shares",
+            "_groups",
+            "_network_groups",
+            "_built_with",
+        ]
 
     def _buffer_arguments(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return ``given`` further arguments of the buffer, with those that follow from the algorithm's own.
 
         Raises:
-            ValueError: one of these is given, and another than the algorithm's.
+            ValueError: one of these is given, and another than the algorithm's, or one that SB3 gives.
         """
+        if from_algorithm := sorted(_OF_BUFFERS & set(given)):
+            raise ValueError(f"{from_algorithm[0]} of the buffer follows from the algorithm: leave it out.")
         own = {"n_streams": len(stream_mix(self.loss)), "action_traces": tuple(self.action_traces)}
         for name, value in own.items():
             other = given.get(name, value)

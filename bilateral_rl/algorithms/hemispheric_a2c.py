@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -15,6 +15,8 @@ from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
 from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.vocabulary import Loss
+
+_RMS_PROP_EPS = 1e-5
 
 
 class HemisphericA2C(HemisphericOnPolicy, A2C):
@@ -48,13 +50,12 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             bonus that does nothing.
         vf_coef: weight of the value loss.
         max_grad_norm: bound of the gradient norm of each parameter group by itself.
-        rms_prop_eps: RMSprop's ε.
+        rms_prop_eps: RMSprop's ε; without RMSprop it must stay as it is.
         use_rms_prop: True for RMSprop, as in the original; False for Adam, with its fused kernel.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
         sde_sample_freq: must be -1, as there is no gSDE.
         rollout_buffer_class: must be None: the streams need a buffer of their own.
-        rollout_buffer_kwargs: further arguments of that buffer; ``n_streams`` and ``action_traces`` are given by
-            themselves.
+        rollout_buffer_kwargs: must be None or empty: all that the buffer takes follows from the algorithm.
         normalize_advantage: whether to normalize each stream's advantages over the rollout.
         stats_window_size: number of trials that logged returns average over.
         tensorboard_log: folder for tensorboard's files; None for none.
@@ -84,7 +85,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         ent_coef: float | Schedule = 0.0,
         vf_coef: float = 0.5,
         max_grad_norm: float = 0.5,
-        rms_prop_eps: float = 1e-5,
+        rms_prop_eps: float = _RMS_PROP_EPS,
         use_rms_prop: bool = True,
         use_sde: bool = False,
         sde_sample_freq: int = -1,
@@ -99,6 +100,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         device: torch.device | str = "auto",
         _init_setup_model: bool = True,
     ) -> None:
+        _check_optimizer(use_rms_prop, rms_prop_eps, policy_kwargs or {})
         super().__init__(
             policy,
             env,
@@ -129,6 +131,18 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             _init_setup_model=_init_setup_model,
         )
 
+    def _setup_model(self) -> None:
+        # `load` makes attributes of its arguments; SB3 keeps these two in `policy_kwargs`.
+        arguments = self.policy_kwargs.get("optimizer_kwargs", {})
+        saved = {
+            "use_rms_prop": self.policy_kwargs.get("optimizer_class") is torch.optim.RMSprop,
+            "rms_prop_eps": arguments.get("eps", _RMS_PROP_EPS),
+        }
+        for name, value in saved.items():
+            if vars(self).pop(name, value) != value:
+                raise ValueError(f"a saved model keeps its optimizer, here {name}={value}: leave {name} out of load().")
+        super()._setup_model()
+
     def train(self) -> None:
         """Update the policy from the rollout buffer, once."""
         self.policy.set_training_mode(True)
@@ -143,3 +157,15 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             self._step(self._stream_losses(policy_loss, value_loss, log), scales, log)
         self._n_updates += 1
         self._record(log)
+
+
+def _check_optimizer(use_rms_prop: bool, rms_prop_eps: float, policy_kwargs: Mapping[str, Any]) -> None:
+    """Refuse settings of an optimizer that is not used: SB3's A2C takes RMSprop with its own, or what is named."""
+    uses_rms_prop = use_rms_prop and "optimizer_class" not in policy_kwargs
+    if uses_rms_prop and "optimizer_kwargs" in policy_kwargs:
+        raise ValueError(
+            "optimizer_kwargs have no effect on A2C's own RMSprop: give rms_prop_eps, use_rms_prop=False for Adam, or "
+            "an optimizer_class besides."
+        )
+    if not uses_rms_prop and rms_prop_eps != _RMS_PROP_EPS:
+        raise ValueError("rms_prop_eps has no effect without RMSprop: give eps in optimizer_kwargs of policy_kwargs.")

@@ -11,6 +11,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.type_aliases import GymEnv, Schedule
+from stable_baselines3.common.utils import FloatSchedule
 from torch import Tensor
 
 from bilateral_rl.algorithms.hemispheric import Log
@@ -60,8 +61,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         use_sde: must be False: there is no state-dependent exploration (gSDE).
         sde_sample_freq: must be -1, as there is no gSDE.
         rollout_buffer_class: must be None: the streams need a buffer of their own.
-        rollout_buffer_kwargs: further arguments of that buffer; ``n_streams`` and ``action_traces`` are given by
-            themselves.
+        rollout_buffer_kwargs: must be None or empty: all that the buffer takes follows from the algorithm.
         target_kl: approximate KL divergence beyond 1.5 times of which an update ends early; None for no bound.
         stats_window_size: number of trials that logged returns average over.
         tensorboard_log: folder for tensorboard's files; None for none.
@@ -154,7 +154,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         """Update the policy from the rollout buffer."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
-        clip_range = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
+        clip_range = FloatSchedule(self.clip_range)(self._current_progress_remaining)
         log: Log = defaultdict(list)
         for _ in range(self.n_epochs):
             completed = self._train_epoch(clip_range, log)
@@ -200,7 +200,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         """Return ``values`` (b, n_streams), no further from ``old_values`` than ``clip_range_vf`` allows."""
         if self.clip_range_vf is None:
             return values
-        clip = self.clip_range_vf(self._current_progress_remaining)  # type: ignore[operator]
+        clip = FloatSchedule(self.clip_range_vf)(self._current_progress_remaining)
         return old_values + (values - old_values).clamp(-clip, clip)
 
 

@@ -64,13 +64,14 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         gradient_steps: updates at a time; -1 for as many as there were steps.
         action_noise: noise added to actions; None for none.
         replay_buffer_class: must be None: the streams need a buffer of their own.
-        replay_buffer_kwargs: further arguments of that buffer; ``n_streams`` and ``action_traces`` are given by
-            themselves.
+        replay_buffer_kwargs: further arguments of that buffer, such as ``handle_timeout_termination``; all else
+            follows from the algorithm.
         optimize_memory_usage: must be False: the buffer keeps next observations.
         n_steps: must be 1: there are no returns of several steps.
         ent_coef: temperature, the weight of the entropy; "auto" to learn it, "auto_0.1" to begin at 0.1.
         target_update_interval: updates between those of the target critics.
-        target_entropy: entropy (nats) that a learned temperature steers to; "auto" for minus the number of actions.
+        target_entropy: entropy (nats) that a learned temperature steers to; "auto" for minus the number of actions, and
+            where the temperature is given.
         use_sde: must be False: there is no state-dependent exploration (gSDE).
         sde_sample_freq: must be -1, as there is no gSDE.
         use_sde_at_warmup: must be False, likewise.
@@ -87,6 +88,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     """
 
     POLICY_CLASS = BilateralSACPolicy
+    FIXED = (*HemisphericOffPolicy.FIXED, "ent_coef")
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = dict(SAC_ALIASES)
     policy: BilateralSACPolicy
     actor_value = "min"  # of models that were saved before there was a choice
@@ -132,6 +134,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         device: torch.device | str = "auto",
         _init_setup_model: bool = True,
     ) -> None:
+        if target_entropy != "auto" and not str(ent_coef).startswith("auto"):
+            raise ValueError(f"target_entropy has no effect on a temperature that is given, ent_coef={ent_coef}.")
         super().__init__(
             policy,
             env,
@@ -179,7 +183,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         initial_ent_coef = arguments.pop("initial_ent_coef")
         if arguments["ent_coef"] is None:
             arguments["ent_coef"] = f"auto_{initial_ent_coef}"
-        if arguments["target_entropy"] is None:
+        if arguments["target_entropy"] is None or "auto" not in str(arguments["ent_coef"]):
             arguments["target_entropy"] = "auto"
         return arguments
 

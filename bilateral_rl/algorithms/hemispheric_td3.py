@@ -63,8 +63,8 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         gradient_steps: updates at a time; -1 for as many as there were steps.
         action_noise: noise added to actions; None for none, with which TD3 explores only before ``learning_starts``.
         replay_buffer_class: must be None: the streams need a buffer of their own.
-        replay_buffer_kwargs: further arguments of that buffer; ``n_streams`` and ``action_traces`` are given by
-            themselves.
+        replay_buffer_kwargs: further arguments of that buffer, such as ``handle_timeout_termination``; all else
+            follows from the algorithm.
         optimize_memory_usage: must be False: the buffer keeps next observations.
         n_steps: must be 1: there are no returns of several steps.
         policy_delay: updates of the critics for one of the network and the targets.

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ContinuousCritic
-from stable_baselines3.common.type_aliases import GymEnv
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.type_aliases import GymEnv, TensorDict
 from torch import Tensor, nn
 
+from bilateral_rl.algorithms.arguments import OFF_POLICY
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples
 from bilateral_rl.algorithms.stream_scale import StreamScale
@@ -39,6 +41,8 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
             algorithm raises.
     """
 
+    CHECKS = OFF_POLICY
+    FIXED = (*Hemispheric.FIXED, "standardize_inputs", "buffer_size", "optimize_memory_usage")
     policy: BilateralOffPolicyPolicy
     critic: ContinuousCritic
     critic_target: ContinuousCritic
@@ -82,11 +86,6 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
     def _setup_model(self) -> None:
         if self.replay_buffer_class not in (None, StreamReplayBuffer):
             raise ValueError(f"{type(self).__name__} needs its own replay buffer: leave replay_buffer_class out.")
-        if self.n_steps != 1:
-            raise ValueError(f"{type(self).__name__} has no returns of several steps: leave n_steps out.")
-        if self.actor_value not in get_args(ActorValue):  # here, as arguments of `load` come after the constructor
-            choices = ", ".join(get_args(ActorValue))
-            raise ValueError(f"actor_value must be one of {choices}, not {self.actor_value!r}.")
         self.replay_buffer_class = StreamReplayBuffer
         self.replay_buffer_kwargs = self._buffer_arguments(self.replay_buffer_kwargs)
         super()._setup_model()
@@ -97,6 +96,34 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
             )
         self.stream_scale = StreamScale(self.policy.n_streams).to(self.device)
         self._actor_groups = {name: group for name, group in self._groups.items() if not name.startswith("critic_")}
+
+    def _check_attributes(self) -> None:
+        super()._check_attributes()
+        self._convert_train_freq()
+        if self.n_steps != 1:
+            raise ValueError(f"{type(self).__name__} has no returns of several steps: leave n_steps out.")
+        if self.actor_value not in get_args(ActorValue):
+            choices = ", ".join(get_args(ActorValue))
+            raise ValueError(f"actor_value must be one of {choices}, not {self.actor_value!r}.")
+
+    def set_parameters(
+        self, load_path_or_dict: str | TensorDict, exact_match: bool = True, device: torch.device | str = "auto"
+    ) -> None:
+        """Load parameters as SB3 does.
+
+        Raises:
+            ValueError: parameters of a model of other parts.
+        """
+        if isinstance(load_path_or_dict, dict):
+            parameters = load_path_or_dict
+        else:
+            _, parameters, _ = load_from_zip_file(load_path_or_dict, device=device, load_data=False)
+        if exact_match and (differing := set(parameters) ^ set(self._get_torch_save_params()[0])):
+            raise ValueError(
+                f"only one of this model and the saved one has {', '.join(sorted(differing))}: a saved model keeps "
+                "normalize_streams, and whether its temperature is learned."
+            )
+        super().set_parameters(parameters, exact_match, device)
 
     def load_replay_buffer(self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True) -> None:
         """Load a replay buffer as SB3 does.

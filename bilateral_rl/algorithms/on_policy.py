@@ -17,6 +17,7 @@ from stable_baselines3.common.utils import FloatSchedule, explained_variance
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
+from bilateral_rl.algorithms.arguments import ON_POLICY
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.schedules import linear_schedule
@@ -41,6 +42,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
     """Collects rollouts with a reward, a value and an advantage for each stream; subclasses train on them."""
 
     POLICY_CLASS = BilateralActorCriticPolicy
+    CHECKS = ON_POLICY
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = dict(POLICY_ALIASES)
     policy: BilateralActorCriticPolicy
     rollout_buffer: StreamRolloutBuffer
@@ -68,7 +70,12 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
     ) -> bool:
         """Fill ``rollout_buffer`` with ``n_rollout_steps`` of every environment; False if the callback stopped it."""
-        assert isinstance(rollout_buffer, StreamRolloutBuffer)
+        if not isinstance(rollout_buffer, StreamRolloutBuffer) or rollout_buffer.buffer_size != n_rollout_steps:
+            raise ValueError(
+                f"{type(self).__name__} collects n_steps={n_rollout_steps} steps into a buffer of its own for as many: "
+                "give n_steps to the constructor or to load(), and leave rollout_buffer as it is."
+            )
+        rollout_buffer.gamma, rollout_buffer.gae_lambda = self.gamma, self.gae_lambda  # which may have been set since
         self.policy.set_training_mode(False)
         rollout_buffer.reset()
         callback.on_rollout_start()

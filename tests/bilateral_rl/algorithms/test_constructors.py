@@ -4,51 +4,15 @@ import inspect
 import re
 from unittest.mock import ANY
 
-import numpy as np
 import pytest
 from hemispheric_models import ALGORITHMS, OFF_POLICY, ON_POLICY, STOCK, arm, make_model
 from stable_baselines3.common.buffers import DictRolloutBuffer, ReplayBuffer, RolloutBuffer
-from stable_baselines3.common.noise import NormalActionNoise
 
-from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC, HemisphericTD3
+from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC
 
 OURS = {"loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0, "action_traces": ()}
 OURS_OFF_POLICY = OURS | {"critic_warm_up": 0, "standardize_inputs": False, "normalize_streams": False}
 """The arguments that hemispheric algorithms have besides SB3's, with their defaults."""
-
-_ANY = {
-    "action_traces": (0.5, 0.8),
-    "weight_penalty": 0.5,
-    "reward_scale": 2.0,
-    "gamma": 0.7,
-    "stats_window_size": 7,
-    "verbose": 1,
-    "seed": 3,
-}
-_ON_POLICY = _ANY | {"n_steps": 6, "gae_lambda": 0.6, "ent_coef": 0.2, "vf_coef": 0.3, "max_grad_norm": 0.4}
-_OFF_POLICY = _ANY | {
-    "critic_warm_up": 2, "standardize_inputs": True, "actor_value": "mean", "normalize_streams": True,
-    "buffer_size": 800, "learning_starts": 30, "batch_size": 24, "tau": 0.1, "train_freq": 2,
-    "gradient_steps": 3, "action_noise": NormalActionNoise(np.zeros(6), np.ones(6)),
-}  # fmt: skip
-OTHER_VALUES = {
-    HemisphericPPO: _ON_POLICY | {
-        "batch_size": 24, "n_epochs": 3, "clip_range": 0.15, "clip_range_vf": 0.35, "normalize_advantage": False,
-        "target_kl": 0.05,
-    },
-    HemisphericA2C: _ON_POLICY | {"rms_prop_eps": 1e-3, "use_rms_prop": True, "normalize_advantage": True},
-    HemisphericSAC: _OFF_POLICY | {"ent_coef": 0.2, "target_update_interval": 2, "target_entropy": -2.0},
-    HemisphericTD3: _OFF_POLICY | {"policy_delay": 3, "target_policy_noise": 0.3, "target_noise_clip": 0.4},
-}  # fmt: skip
-"""Another value than the default for every argument with something to choose."""
-KEPT_OTHERWISE = {"rms_prop_eps", "use_rms_prop"}
-"""Arguments that SB3 keeps in ``policy_kwargs``."""
-NO_CHOICE = {
-    "policy", "env", "loss", "learning_rate", "tensorboard_log", "policy_kwargs", "device", "_init_setup_model",
-    "use_sde", "sde_sample_freq", "use_sde_at_warmup", "rollout_buffer_class", "rollout_buffer_kwargs",
-    "replay_buffer_class", "replay_buffer_kwargs", "optimize_memory_usage",
-}  # fmt: skip
-"""Arguments that other tests set, or that are refused or without effect."""
 
 each_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS)
 
@@ -74,26 +38,6 @@ def test_every_argument_is_listed_typed_and_documented(algorithm):
         assert parameter.annotation is not parameter.empty, name
         if name != "_init_setup_model":
             assert re.search(rf"^    {name}: \S", inspect.getdoc(algorithm), re.MULTILINE), f"{name} is not documented"
-
-
-@each_algorithm
-def test_every_argument_arrives(algorithm):
-    values = OTHER_VALUES[algorithm]
-    refused = {"n_steps"} if algorithm in OFF_POLICY else set()
-    assert values.keys() | NO_CHOICE | refused >= parameters(algorithm).keys()
-    model = algorithm("CallosalPolicy", arm(), learning_rate=0.01, device="cpu", **values)
-    for name in values.keys() - KEPT_OTHERWISE:
-        stored = {"stats_window_size": "_stats_window_size"}.get(name, name)
-        value = getattr(model, stored)
-        if name in ("clip_range", "clip_range_vf"):
-            value = value(1.0)
-        if name == "train_freq":
-            value = value.frequency
-        assert value == values[name], name
-    assert model.lr_schedule(1.0) == 0.01
-    if algorithm is HemisphericA2C:
-        (group,) = model.policy.optimizer.param_groups
-        assert (type(model.policy.optimizer).__name__, group["eps"]) == ("RMSprop", 1e-3)
 
 
 @pytest.mark.parametrize("algorithm", [HemisphericPPO, HemisphericA2C, HemisphericSAC])
