@@ -49,7 +49,7 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         autoreset_mode: one of Gymnasium's ``AutoresetMode``, or its value.
 
     Raises:
-        ValueError: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`, or an unknown mode.
+        TypeError, ValueError: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`, or an unknown mode.
     """
 
     metadata: dict[str, Any] = ArmEnv.metadata | {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -132,7 +132,9 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
             over = np.flatnonzero(self._ended).tolist()
             raise RuntimeError(f'the trials of the arms {over} are over: reset(options={{"reset_mask": …}}) first.')
         begun = self._ended  # in the next-step mode alone, there are any
-        if not begun.all():
+        if begun.all():
+            batch.checked_action(actions)
+        else:
             batch.step(actions)  # where a trial is over, an arm stands still
         if begun.any():
             self._start(begun)

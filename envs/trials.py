@@ -195,11 +195,7 @@ class TrialBatch:
             self._steps_left = self._length - int(self.clock.min())
             if self._steps_left <= 0:
                 raise RuntimeError("no trial has begun, or all are over: call reset() before the next step().")
-        action, shape = numbers("actions", action), self._host_action.shape
-        if action.shape != shape and (self.n > 1 or action.shape != shape[1:]):
-            raise ValueError(f"actions must have shape {shape}, got {action.shape}.")
-        if not np.isfinite(action).all():
-            raise ValueError("actions must be finite numbers: has the policy diverged?")
+        action = self.checked_action(action)
         if action.itemsize > self._host_action.itemsize:  # what only double precision holds is out of bounds
             action = np.clip(action, -1.0, 1.0)
         self._host_action[:] = action
@@ -209,6 +205,15 @@ class TrialBatch:
         self._step_command.launch()
         if not self._on_cpu:
             self._fetch()
+
+    def checked_action(self, action: object) -> NDArray[Any]:
+        """Return the action of a step as numbers. Raises the TypeError and the ValueErrors of :meth:`step`."""
+        array, shape = numbers("actions", action), self._host_action.shape
+        if array.shape != shape and (self.n > 1 or array.shape != shape[1:]):
+            raise ValueError(f"actions must have shape {shape}, got {array.shape}.")
+        if not np.isfinite(array).all():
+            raise ValueError("actions must be finite numbers: has the policy diverged?")
+        return array
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything that the rest of the trials depends on, by name; on a CPU these are live views."""

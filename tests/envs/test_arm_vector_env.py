@@ -199,6 +199,31 @@ def test_reset_rejects_what_it_cannot_do():
             venv.reset(options={"reset_mask": mask})
 
 
+def test_make_vecs_limit_is_the_trials_length():
+    venv = gymnasium.make_vec(IDS[0], num_envs=2, max_episode_steps=3)
+    assert venv.settings.trial_length == venv.trial_length == 3
+    with pytest.raises(ValueError, match="contradict each other"):
+        batched(IDS[0], max_episode_steps=3)
+
+
+def test_settings_of_running_arms_stay():
+    venv = batched(IDS[0])
+    for name, value in (("settings", None), ("threshold", 0.01), ("num_envs", 7), ("batch", None)):
+        with pytest.raises(AttributeError, match="cannot be changed"):
+            setattr(venv, name, value)
+
+
+@pytest.mark.parametrize("mode", [SAME, NEXT], ids=lambda mode: mode.value)
+def test_actions_of_a_step_in_which_every_arm_begins_are_checked_too(mode):
+    venv = batched(IDS[0], mode)
+    venv.reset(seed=9)
+    for command in actions(LENGTH):
+        venv.step(command)
+    for bad in (actions(1)[0][:2], np.full((N, 6), np.nan)):
+        with pytest.raises(ValueError, match="actions must"):
+            venv.step(bad)
+
+
 def test_seeds_may_be_numpys():
     ours, reference = batched(IDS[0]), one_by_one(IDS[0])
     np.testing.assert_array_equal(ours.reset(seed=np.int64(9))[0], reference.reset(seed=9)[0])
