@@ -1,5 +1,6 @@
 """The site of the documentation: its generated pages are the code's, its menu is whole, and it needs no network."""
 
+import importlib
 import re
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import recordings_page
 import settings_page
 import yaml
 
+import bilateral_rl
 from bilateral_rl.config.schema import CONFIGS
 
 ROOT = Path(__file__).parents[1]
@@ -55,6 +57,16 @@ def test_the_menu_names_every_page_once():
     made_elsewhere = {"changelog.md", "contributing.md", "examples.md", "runs.md"}
     pages = {page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")}
     assert sorted(menu()) == sorted(pages | made_elsewhere)
+
+
+@pytest.mark.parametrize("page", ["index", "envs", "algorithms", "policies"])
+def test_the_interface_has_every_public_name(page):
+    room = bilateral_rl if page == "index" else importlib.import_module(f"bilateral_rl.{page}")
+    shown = re.findall(
+        rf"^::: {room.__name__}\.(\w+)$", (DOCS / f"api/{page}.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    public = {*room.__all__} - {"__version__", "envs", "algorithms", "policies"}
+    assert sorted(shown) == sorted(public), f"docs/api/{page}.md needs a line '::: {room.__name__}.NAME' for each"
 
 
 @pytest.fixture(scope="module")
