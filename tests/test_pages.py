@@ -52,7 +52,11 @@ def test_examples_are_listed_in_their_readme():
 
 def test_every_command_shown_has_the_options_that_it_is_shown_with():
     commands = typer.main.get_group(app).commands
-    lines = [line for text in TEXTS.values() for line in re.findall(r"^bilateral-rl (.*)$", text, re.MULTILINE)]
+    lines = [
+        line
+        for text in TEXTS.values()
+        for line in re.findall(r"^bilateral-rl (.*)$", text.replace("\\\n", " "), re.MULTILINE)
+    ]
     shown = [line.split("#")[0].split() for line in lines]
     assert {name for name, *_ in shown} >= {*commands} - {"list"}
     for name, *words in shown:

@@ -25,7 +25,7 @@ def do(block, names):
     if kind == "python":
         exec(text, names)
         return
-    for line in text.splitlines():
+    for line in text.replace("\\\n", " ").splitlines():
         program, *arguments = shlex.split(line, comments=True)
         assert program == "bilateral-rl"
         result = CliRunner().invoke(app, arguments)
