@@ -20,11 +20,39 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bilateral_rl import algorithms, envs, policies
-    from bilateral_rl.api import Run, list_runs, load, train
+    from bilateral_rl.api import (
+        Comparison,
+        Reproduction,
+        Run,
+        compare,
+        import_model,
+        list_runs,
+        load,
+        render,
+        reproduce,
+        sweep,
+        train,
+    )
 
 __version__ = "0.2.0"
 
-__all__ = ["Run", "__version__", "algorithms", "envs", "list_runs", "load", "policies", "train"]
+__all__ = [
+    "Comparison",
+    "Reproduction",
+    "Run",
+    "__version__",
+    "algorithms",
+    "compare",
+    "envs",
+    "import_model",
+    "list_runs",
+    "load",
+    "policies",
+    "render",
+    "reproduce",
+    "sweep",
+    "train",
+]
 
 _ROOMS = ("algorithms", "envs", "policies")
 

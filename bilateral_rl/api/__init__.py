@@ -22,19 +22,43 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from bilateral_rl.api.comparison import Comparison, compare
+    from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs
+    from bilateral_rl.api.rendering import render
+    from bilateral_rl.api.reproduction import Reproduction, reproduce
     from bilateral_rl.api.run import Run, load
+    from bilateral_rl.api.sweeping import sweep
     from bilateral_rl.api.training import train
 
 MODULES = {
+    "Comparison": "comparison",
+    "Reproduction": "reproduction",
     "Run": "run",
+    "compare": "comparison",
+    "import_model": "importing",
     "list_runs": "listing",
     "load": "run",
+    "render": "rendering",
+    "reproduce": "reproduction",
+    "sweep": "sweeping",
     "train": "training",
 }
 """Where each name is."""
 
-__all__ = ["Run", "list_runs", "load", "train"]
+__all__ = [
+    "Comparison",
+    "Reproduction",
+    "Run",
+    "compare",
+    "import_model",
+    "list_runs",
+    "load",
+    "render",
+    "reproduce",
+    "sweep",
+    "train",
+]
 
 if not TYPE_CHECKING:
 

@@ -52,7 +52,7 @@ def names(option: str, value: Names) -> list[str] | None:
     return listed or None
 
 
-def path(option: str, value: str | Path) -> Path:
+def as_path(option: str, value: str | Path) -> Path:
     """Return a path. Raises UserError for what is none."""
     try:
         return Path(value).expanduser()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from bilateral_rl.analysis.protocols import Protocol
-from bilateral_rl.api.checks import Names, check_tests, names, path
+from bilateral_rl.api.checks import Names, as_path, check_tests, names
 from bilateral_rl.api.progress import ProgressLike, bar
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.schema import TrainConfig
@@ -81,7 +81,7 @@ def lesion(
         made = Lesions(study.config, _results(study, progress))
         show(made)
         return made
-    output = LesionFolder(path("--out", out))
+    output = LesionFolder(as_path("--out", out))
     if output == LesionFolder.beside(run.folder, run.only) and output.path.is_symlink():
         raise UserError(f"{output.path} is a link; name where it leads by --out, or remove it.")
     description = output.describe(run.folder, settings, run.only, weights)

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bilateral_rl.api.checks import path
+from bilateral_rl.api.checks import as_path
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder, find_runs
@@ -50,7 +50,7 @@ def list_runs(out: str | Path = "runs") -> pd.DataFrame:
     import pandas as pd  # here alone: the command lists without it
 
     columns = [field.name for field in fields(Listed)]
-    table = pd.DataFrame([asdict(one) for one in listed(path("--out", out))], columns=columns)
+    table = pd.DataFrame([asdict(one) for one in listed(as_path("--out", out))], columns=columns)
     return table.astype(dict.fromkeys(("seeds", "timesteps", "epochs"), "Int64"))
 
 

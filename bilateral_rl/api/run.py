@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from bilateral_rl.api.checks import Names, whole
+from bilateral_rl.api.notes import tell
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
@@ -242,6 +243,61 @@ class Run:
         return export(self, out, trials=trials, seed=seed, weights=weights)
 
     @in_python
+    def curves(self) -> pd.DataFrame:
+        """Return how the networks learned.
+
+        Returns:
+            Of reinforcement learning a row an evaluation, with columns ``seed``, ``timesteps`` (environment steps),
+            ``goal_completion_percent``, ``speed_to_goal_cm_per_step``, ``time_in_goal_steps``, ``final_error_cm``, at
+            the run's own radius of the goal, returns, and what each side supplies. Of supervised training a row an
+            epoch: ``seed``, ``epoch``, the losses and gradient norms of each group, ``validation_loss``, and the same
+            measures on the validation trials.
+
+        Raises:
+            UserError: the run does not say, as one that was imported, or its table is damaged.
+        """
+        from bilateral_rl.api.learning import learning_curves
+
+        return learning_curves(self)
+
+    @in_python
+    def render(
+        self,
+        out: str | Path | None = None,
+        *,
+        trials: int = 4,
+        seed: int = TEST_SEED,
+        lesion: str = INTACT,
+        weights: str = FINAL,
+        slow_down: int = 4,
+        size: int = 480,
+        progress: ProgressLike = True,
+    ) -> Path:
+        """Make a video of the network, as :func:`render` does of several runs side by side.
+
+        Args:
+            out: an .mp4 or .gif file; None for one beside the run's folder.
+            trials: how many, one after another.
+            seed: seed of the first trial.
+            lesion: "intact", or the name of a lesion.
+            weights: "final", "best" or "step_…": which of the run's weights.
+            slow_down: seconds of video for a second of the arm's.
+            size: side of the picture (pixels, even).
+            progress: whether a bar shows how it comes along, or the rich console where it does.
+
+        Returns:
+            The path of the video.
+
+        Raises:
+            UserError: what cannot be shown or written.
+        """
+        from bilateral_rl.api.rendering import make_video
+
+        video = make_video([self], out, trials, seed, lesion, weights, slow_down, size, progress)
+        tell(video.notes)
+        return video.path
+
+    @in_python
     def resume(
         self,
         timesteps: int | None = None,
@@ -272,7 +328,9 @@ class Run:
         from bilateral_rl.api.training import concluded, go_on
 
         requested = {"timesteps": timesteps, "epochs": epochs, "device": device, "track": track}
-        return concluded(go_on(self, requested, progress))
+        outcome = go_on(self, requested, progress)
+        tell(outcome.notes)
+        return concluded(outcome)
 
 
 @in_python

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import signal
 import sys
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bilateral_rl.api.checks import SeedsLike, path, seeds_text, settings_by_name
+from bilateral_rl.api.checks import SeedsLike, as_path, seeds_text, settings_by_name
+from bilateral_rl.api.notes import tell
 from bilateral_rl.api.progress import ProgressLike, TrainingProgress, console_of
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
@@ -89,7 +89,8 @@ def train(
         "network.units": units, "network.layers": layers, "trial.threshold": threshold,
     }  # fmt: skip
     layers_of_settings = [_configuration(config), settings_by_name("--set", settings)]
-    outcome = start(algo, model, task, seeds_text(seeds), chosen, layers_of_settings, path("--out", out), progress)
+    outcome = start(algo, model, task, seeds_text(seeds), chosen, layers_of_settings, as_path("--out", out), progress)
+    tell(outcome.notes)
     return concluded(outcome)
 
 
@@ -150,14 +151,12 @@ def go_on(run: Run | str | Path, requested: Mapping[str, Any], progress: Progres
 
 
 def concluded(outcome: Outcome) -> Run:
-    """Return the run of a training that came to its end, and warn of what a person should know.
+    """Return the run of a training that came to its end.
 
     Raises:
         Stopped: somebody stopped it.
         SystemExit: the process was asked to terminate.
     """
-    for note in outcome.notes:
-        warnings.warn(note, stacklevel=4)
     if outcome.stopped_by == signal.SIGTERM:
         sys.exit(128 + signal.SIGTERM)
     if outcome.stopped_by is not None:
@@ -181,7 +180,7 @@ def _configuration(config: str | Path | Mapping[str, Any] | TrainConfig | None) 
         return config.to_values()
     if config is None or isinstance(config, Mapping):
         return settings_by_name("--config", config)
-    return read_settings(path("--config", config))
+    return read_settings(as_path("--config", config))
 
 
 def _refuse_but(allowed: tuple[str, ...] | list[str], requested: Mapping[str, Any]) -> None:

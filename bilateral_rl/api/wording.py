@@ -26,7 +26,6 @@ _ARGUMENTS = {
 _CALLS = {
     "train": "train",
     "resume": "load({}).resume",
-    "lesion": "load({}).lesion",
     "list": "list_runs",
     "import": "import_model",
 }
@@ -69,15 +68,17 @@ def _call(command: str) -> str:
     runs, said = _given(words)
     if "resume" in said:
         name, runs = "resume", [said.pop("resume")]
+    texts = [repr(run) for run in runs]
+    given = [f"{key}={value!r}" if value is not None else key for key, value in said.items()]
+    if name == "lesion":  # the command keeps its results; a notebook has to ask for that
+        given = [text.replace("lesion=", "lesions=") for text in given]
+        return f"run = bilateral_rl.load({texts[0]}); run.lesion({', '.join([*given, 'out=run.lesions_folder'])})"
     if name not in _CALLS:
         return f"bilateral-rl {command}"
-    call, texts = _CALLS[name], [repr(run) for run in runs]
+    call = _CALLS[name]
     if "{}" in call:
         call, texts = call.format(*texts), []
-    if name == "lesion" and "lesion" in said:
-        said["lesions"] = said.pop("lesion")
-    texts += [f"{key}={value!r}" if value is not None else key for key, value in said.items()]
-    return f"bilateral_rl.{call}({', '.join(texts)})"
+    return f"bilateral_rl.{call}({', '.join([*texts, *given])})"
 
 
 def _given(words: Sequence[str]) -> tuple[list[str], dict[str, Any]]:

@@ -9,9 +9,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from bilateral_rl.config import parse as settings
-from bilateral_rl.io.errors import UserError
-from bilateral_rl.runs.sb3_import import import_model
+from bilateral_rl.api.importing import import_model
+from bilateral_rl.config.parse import parse_overrides
 
 
 def import_zip(
@@ -30,15 +29,9 @@ def import_zip(
     Raises:
         UserError: a file that is no such model, or that is not trusted.
     """
-    if not path.is_file():
-        raise UserError(f"There is no file {path}; `import` takes a model saved by stable-baselines3.")
-    if not trust_pickle:
-        raise UserError(
-            f"{path} holds pickles, and to load them is to execute whatever their author wants: add --trust-pickle if "
-            "you trust where it comes from."
-        )
-    folder = import_model(path, task, settings.parse_overrides(overrides), out)
-    config, run = folder.config(), escape(shlex.quote(str(folder.path)))
+    settings = parse_overrides(overrides)
+    imported = import_model(path, task, trust_pickle=trust_pickle, settings=settings, out=out)
+    config, run = imported.config, escape(shlex.quote(str(imported.path)))
     console.print(
         f"Imported as {config.model}, trained by {config.algo}, into [bold]{run}[/bold]. Next:", soft_wrap=True
     )

@@ -11,24 +11,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bilateral_rl.api.reproduction import Plan, make_plan, run_plan
 from bilateral_rl.claims import Judgement, Verdict
-from bilateral_rl.claims.margins import PAPER_SEEDS
-from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
-from bilateral_rl.config import parse as settings
-from bilateral_rl.config.catalogue import MODELS
-from bilateral_rl.config.seeds import Seeds, parse_seeds
-from bilateral_rl.study.agenda import Step, agenda
-from bilateral_rl.study.answer import Answer
-from bilateral_rl.study.answer_in_words import unjudged_in_words
-from bilateral_rl.study.fit import readings_for
-from bilateral_rl.study.folder import claimed_folder
-from bilateral_rl.study.grid import Grid
-from bilateral_rl.study.jobs import JobOutcome
-from bilateral_rl.study.outcome import refuse_other_settings, unsourced
-from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
-from bilateral_rl.study.readings import ANCHORS
+from bilateral_rl.commands.jobs import ending_if_stopped, print_failures, print_unsourced
+from bilateral_rl.config.parse import parse_overrides
+from bilateral_rl.study.agenda import Step
 from bilateral_rl.study.report import counts_of
-from bilateral_rl.study.reproduction import REPORT, conclude
 
 _STYLES: dict[Verdict, str] = {"supported": "green", "not supported": "red", "undecided": "yellow"}
 _SHOWN = 3
@@ -69,55 +57,31 @@ def reproduce(
         SystemExit: somebody stopped it.
     """
     began = time.monotonic()
-    study = _study(algo, profile, models, seeds, quick, settings.parse_overrides(overrides))
-    chosen, left_out = readings_for(study, readings or ANCHORS)
-    at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables), algo)
-    grid = Grid(study, chosen, threads)
-    folder = out or Path("runs") / study.name
-    with claimed_folder(folder, study.to_values()):
-        refuse_other_settings(folder, grid.all_tables)
-        if left_out:
-            because = f"they ask for what --algo {algo} and --profile {profile} leave no room for"
-            names = ", ".join(left_out)
-            console.print(f"{len(left_out)} readings are left out, as {because}: {names}.", highlight=False)
-        console.print(_costs(agenda(grid, folder), at_once))
-        begins = f"{len(grid.tables)} trainings into [bold]{_quoted(folder)}[/bold]"
-        console.print(f"{begins}; Ctrl-C stops and saves, the same command goes on.", soft_wrap=True, highlight=False)
-        outcomes = run_jobs(grid.jobs(folder), folder, title=study.name, at_once=at_once, ray=ray, console=console)
-        judgements = _conclude(grid, folder, outcomes, console)
-    console.print(_verdicts(judgements))
+    plan = make_plan(algo, profile, models, seeds, quick, n_jobs, parse_overrides(overrides), readings, out)
+    with ending_if_stopped(console):
+        made = run_plan(plan, ray, console, lambda: _announce(plan, console))
+    console.print(_verdicts(made.judgements))
     if quick:
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
-    for judgement in judgements[:_SHOWN]:
+    for judgement in made.judgements[:_SHOWN]:
         console.print(f"{judgement.reading}: {counts_of(judgement.claims)}", highlight=False)
-    if unjudged := unjudged_in_words(Answer(judgements)):
-        console.print(f"[yellow]Note:[/yellow] {unjudged}", highlight=False)
+    if made.unjudged:
+        console.print(f"[yellow]Note:[/yellow] {made.unjudged}", highlight=False)
     console.print(f"{(time.monotonic() - began) / 60:.1f} minutes.", highlight=False)
-    print_failures(outcomes, console)
-    print_unsourced(unsourced(folder / table.path for table in grid.all_tables), console)
-    console.print(f"Report: [bold]{_quoted(folder / REPORT)}[/bold]", soft_wrap=True, highlight=False)
+    print_failures(made.outcomes, console)
+    print_unsourced(made.unsourced, console)
+    console.print(f"Report: [bold]{_quoted(made.report)}[/bold]", soft_wrap=True, highlight=False)
 
 
-def _study(
-    algo: str,
-    profile: str,
-    models: Sequence[str] | None,
-    seeds: str | None,
-    quick: bool,
-    overrides: settings.Values,
-) -> Study:
-    if seeds is None:
-        chosen = Seeds(QUICK_SEEDS if quick else PAPER_SEEDS)
-    else:
-        chosen = parse_seeds(seeds, "--set seed" if "seed" in overrides else "")
-    requested = models or MODELS
-    in_order = dict.fromkeys([*(model for model in MODELS if model in requested), *requested])
-    return Study(algo, profile, chosen.first or 0, chosen.n, quick, overrides, tuple(in_order))
-
-
-def _conclude(grid: Grid, folder: Path, outcomes: Sequence[JobOutcome], console: Console) -> list[Judgement]:
-    with console.status("concluding") as status:
-        return conclude(grid, folder, outcomes, lambda text: status.update(f"{text} …"))
+def _announce(plan: Plan, console: Console) -> None:
+    study = plan.study
+    if plan.left_out:
+        because = f"they ask for what --algo {study.algo} and --profile {study.profile} leave no room for"
+        names = ", ".join(plan.left_out)
+        console.print(f"{len(plan.left_out)} readings are left out, as {because}: {names}.", highlight=False)
+    console.print(_costs(plan.steps, plan.at_once))
+    begins = f"{len(plan.grid.tables)} trainings into [bold]{_quoted(plan.folder)}[/bold]"
+    console.print(f"{begins}; Ctrl-C stops and saves, the same command goes on.", soft_wrap=True, highlight=False)
 
 
 def _costs(steps: Sequence[Step], at_once: int) -> Table:

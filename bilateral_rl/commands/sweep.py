@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -13,18 +13,11 @@ from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
-from bilateral_rl.commands.checks import check_trials
-from bilateral_rl.commands.jobs import print_failures, print_unsourced, run_jobs
-from bilateral_rl.config import parse as settings
-from bilateral_rl.config.seeds import parse_seeds
+from bilateral_rl.api.sweeping import RESULTS, nothing_done, run_sweep
+from bilateral_rl.commands.jobs import ending_if_stopped, print_failures, print_unsourced
+from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.figures.labels import with_unit
-from bilateral_rl.io.errors import UserError
-from bilateral_rl.io.files import replacing
-from bilateral_rl.study.folder import claimed_folder
-from bilateral_rl.study.lesioning import measured_metrics
-from bilateral_rl.study.outcome import unsourced
-from bilateral_rl.study.plan import side_by_side
-from bilateral_rl.study.sweep import Sweep, parse_grid, point_name, read_sweep
+from bilateral_rl.study.sweep import Sweep, parse_grid, point_name
 
 
 def sweep(
@@ -58,46 +51,19 @@ def sweep(
         UserError: a sweep that cannot be made, or not there, or of which nothing is done.
         SystemExit: somebody stopped it.
     """
-    check_trials(trials)
-    requested_metrics = [find_metric(name) for name in metrics or []]
-    points, fixed = parse_grid(grid), settings.parse_overrides(overrides)
-    study = Sweep(algo, points, fixed | _seed_settings(seeds, {*points, *fixed}), trials)
-    at_once, threads = side_by_side(n_jobs, len(study.points()), algo)
-    jobs = study.jobs(threads)
-    _check_measured(study, requested_metrics)
+    chosen = [find_metric(name) for name in metrics or []]
     folder = out or Path("runs") / "sweep"
-    with claimed_folder(folder, study.to_values()):
-        outcomes = run_jobs(jobs, folder, title="sweep", at_once=at_once, ray=ray, console=console)
-    results = read_sweep(study, folder)
-    if not results.empty:
-        with replacing(folder / "sweep.csv") as temporary:
-            results.to_csv(temporary, index=False)
-    print_failures(outcomes, console)
-    if results.empty:
-        raise UserError(f"No training of the sweep is done; the logs are in {folder / 'logs'}.")
-    console.print(_table(study, results, requested_metrics))
-    print_unsourced(unsourced(folder / job.result for job in jobs), console)
-    path = escape(shlex.quote(str(folder / "sweep.csv")))
+    with ending_if_stopped(console):
+        swept = run_sweep(
+            algo, parse_grid(grid), seeds, parse_overrides(overrides), chosen, trials, n_jobs, ray, folder, console
+        )
+    print_failures(swept.outcomes, console)
+    if swept.results.empty:
+        raise nothing_done(folder)
+    console.print(_table(swept.study, swept.results, chosen))
+    print_unsourced(swept.unsourced, console)
+    path = escape(shlex.quote(str(folder / RESULTS)))
     console.print(f"Every metric of every seed: [bold]{path}[/bold]", soft_wrap=True, highlight=False)
-
-
-def _seed_settings(seeds: str | None, named: Collection[str]) -> settings.Values:
-    """What ``--seeds`` comes to. Raises UserError for seeds that ``named``, the settings given, name too."""
-    if seeds is None:
-        return {}
-    if "seeds" in named:
-        raise UserError("--seeds says how many networks there are at each point: leave seeds out of --set and --grid.")
-    return parse_seeds(seeds, "seed in --set or --grid" if "seed" in named else "").settings
-
-
-def _check_measured(study: Sweep, metrics: Sequence[Metric]) -> None:
-    """Raise a UserError for a metric that no training of the sweep is measured by."""
-    measured = {metric.name: None for point in study.points() for metric in measured_metrics(study.config(point))}
-    for metric in metrics:
-        if metric.name not in measured:
-            raise UserError(
-                f"No training of the sweep is measured by {metric.name}; choose from {', '.join(measured)}."
-            )
 
 
 def _table(study: Sweep, results: pd.DataFrame, metrics: Sequence[Metric]) -> Table:

@@ -99,7 +99,7 @@ def _shown(grid: Grid) -> list[Table]:
 
 def _write(results: pd.DataFrame, answer: Answer, tables: Sequence[ReportTable], folder: Path) -> None:
     _csv(results, folder / RESULTS)
-    _csv(pd.concat([_claims_table(judgement) for judgement in answer.judgements], ignore_index=True), folder / CLAIMS)
+    _csv(pd.concat([claims_table(judgement) for judgement in answer.judgements], ignore_index=True), folder / CLAIMS)
     _csv(answer.table(), folder / ANSWER)
     _csv(seeds_of_components(answer), folder / POWER)
     (folder / "tables").mkdir(exist_ok=True)
@@ -116,8 +116,8 @@ def _remove_outdated(folder: Path, names: Sequence[str]) -> None:
             path.unlink()
 
 
-def _claims_table(judgement: Judgement) -> pd.DataFrame:
-    """A table with a row for each component of a claim; those that stand beside it say how they are judged."""
+def claims_table(judgement: Judgement) -> pd.DataFrame:
+    """Return a table with a row for each component of a claim; those that stand beside it say how they are judged."""
     return pd.DataFrame(
         {
             "reading": judgement.reading,

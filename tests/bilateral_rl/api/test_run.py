@@ -16,12 +16,6 @@ from bilateral_rl.runs.policies import load_policies
 FEW = {"trials": 6, "seed": 3}
 
 
-@pytest.fixture
-def loaded(bptt_run):
-    """A run of seeds 0 to 2."""
-    return brl.load(bptt_run.path)
-
-
 def test_a_run_tells_what_it_is(loaded, bptt_run):
     assert (loaded.path, loaded.seeds, loaded.config) == (bptt_run.path, [0, 1, 2], bptt_run.config())
     assert (loaded.status["state"], loaded.status["epochs"]) == ("finished", 6)

@@ -21,10 +21,13 @@ from bilateral_rl.io.errors import UserError
         ("`bilateral-rl train --resume runs/x`", "`bilateral_rl.load('runs/x').resume()`"),
         (
             "call `bilateral-rl lesion runs/x:3 --lesion callosum --lesion deep_dominant --no-control --trials 16`.",
-            "call `bilateral_rl.load('runs/x:3').lesion(control=False, trials=16, "
-            "lesions=['callosum', 'deep_dominant'])`.",
+            "call `run = bilateral_rl.load('runs/x:3'); run.lesion(lesions=['callosum', 'deep_dominant'], "
+            "control=False, trials=16, out=run.lesions_folder)`.",
         ),
-        ("`bilateral-rl lesion runs/x --no-retrain`", "`bilateral_rl.load('runs/x').lesion(retrain=\"none\")`"),
+        (
+            "`bilateral-rl lesion runs/x --no-retrain`",
+            "`run = bilateral_rl.load('runs/x'); run.lesion(retrain=\"none\", out=run.lesions_folder)`",
+        ),
         ("written by `bilateral-rl render`", "written by `bilateral-rl render`"),
     ],
 )

@@ -11,8 +11,8 @@ from stable_baselines3 import PPO
 from treatments import AS_TRAINED
 
 from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.api import jobs
 from bilateral_rl.commands import app as cli
-from bilateral_rl.commands import jobs
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.runs.folder import find_runs
 from bilateral_rl.study import reproduction

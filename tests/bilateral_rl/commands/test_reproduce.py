@@ -13,7 +13,7 @@ import pytest
 import yaml
 from made_up_results import make_results
 
-from bilateral_rl.commands import jobs as command
+from bilateral_rl.api import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs.task_specs import TASK_SPECS
@@ -176,7 +176,7 @@ def test_interrupted_it_concludes_nothing(invoke, outcomes, tmp_path):
     outcomes.ends["random_reach/cc_s"] = (JobState.INTERRUPTED,)
     code, out = invoke("reproduce", "--out", "study")
     assert code == INTERRUPTED_EXIT
-    assert "Stopped with 13 of 14 jobs done; the same command goes on." in out
+    assert "Stopped with 13 of 14 jobs done; called again, it goes on." in out
     assert {path.name for path in (tmp_path / "study").iterdir()} == {"study.yaml"}
 
 

@@ -7,7 +7,7 @@ import pytest
 from treatments import AS_TRAINED
 
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.commands import jobs as command
+from bilateral_rl.api import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import JobOutcome, JobState
@@ -114,7 +114,7 @@ def test_interrupted_it_says_so(invoke, monkeypatch, tmp_path):
     monkeypatch.setattr(command, "run_local", stop)
     code, out = invoke("sweep", *GRID)
     assert code == INTERRUPTED_EXIT
-    assert "Stopped with 0 of 4 jobs done; the same command goes on." in out
+    assert "Stopped with 0 of 4 jobs done; called again, it goes on." in out
 
 
 def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, tmp_path):
