@@ -1,21 +1,24 @@
-"""Tests of a run's networks, intact or lesioned, as tables."""
+"""Tests of a run's networks, intact or lesioned, under the conditions of their training or others, as tables."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 
-from bilateral_rl.analysis.modulation import SideModulation, side_modulation
+from bilateral_rl.analysis.conditions import Conditions, conditions
+from bilateral_rl.analysis.modulation import SideModulation, side_modulations
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
 from bilateral_rl.api.checks import check_tests
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.io.errors import UserError
-from bilateral_rl.policies.lesions import INTACT, LESIONS_OF, NO_LESION, Lesion
+from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import FINAL
-from bilateral_rl.runs.policies import build_network, load_policies
+from bilateral_rl.runs.lesions import lesion_of
+from bilateral_rl.runs.policies import load_policies
 
 
 @dataclass(frozen=True)
@@ -23,9 +26,11 @@ class Evaluation:
     """What a run's networks did in the same trials."""
 
     config: TrainConfig
-    """Of the run."""
+    """Of the run, with the task and the trials of the test."""
+    under: Conditions
+    """In what the test differs from the training."""
     lesion: str
-    """The lesion that they had, or "intact"."""
+    """The lesion that the networks had, or "intact"."""
     records: Mapping[int, TrialRecord]
     """The trials of each network, by its seed."""
     modulations: Mapping[int, SideModulation]
@@ -33,20 +38,23 @@ class Evaluation:
 
     def by_seed(self) -> pd.DataFrame:
         """Return a row a network and radius of the goal: means over the trials (:meth:`Run.evaluate`)."""
-        rows = []
+        rows: list[dict[str, Any]] = []
         for seed, record in self.records.items():
             sides = self.modulations[seed].measures() if seed in self.modulations else {}
             for radius, measures in summaries(record, self.config.trial.threshold).items():
-                rows.append({"seed": seed, "lesion": self.lesion, "threshold_m": radius, **measures, **sides})
-        return pd.DataFrame(rows)
+                rows.append({"seed": seed, "threshold_m": radius, **measures, **sides})
+        return self._labelled(pd.DataFrame(rows))
 
     def by_trial(self) -> pd.DataFrame:
-        """Return a row a network and trial, at the run's own radius of the goal (:meth:`Run.evaluate`)."""
-        tables = [
-            record.table(self.config.trial.threshold).assign(seed=seed, lesion=self.lesion)
-            for seed, record in self.records.items()
-        ]
-        return pd.concat(tables, ignore_index=True)
+        """Return a row a network and trial, at the radius of the test's goal (:meth:`Run.evaluate`)."""
+        radius = self.config.trial.threshold
+        tables = [record.table(radius).assign(seed=seed) for seed, record in self.records.items()]
+        return self._labelled(pd.concat(tables, ignore_index=True))
+
+    def _labelled(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Add what holds for every row: lesion, task, and settings other than the training's."""
+        labels = {"lesion": self.lesion, "task": self.under.task, **self.under.changed}
+        return table.assign(**{name: [value] * len(table) for name, value in labels.items()})
 
 
 def evaluate(
@@ -55,27 +63,24 @@ def evaluate(
     seed: int,
     *,
     lesion: str = INTACT,
+    task: str | None = None,
+    settings: Mapping[str, Any] | None = None,
     deterministic: bool = True,
     weights: str = FINAL,
 ) -> Evaluation:
-    """Test a run's networks (:meth:`Run.evaluate`). Raises UserError for what cannot be tested so."""
+    """Test a run's networks (:meth:`Run.evaluate`); settings are nested dictionaries.
+
+    Raises:
+        UserError: what cannot be tested so.
+    """
     trials, seed = check_tests(trials, seed)
     config = run.config
-    found = find_lesion_of(config, lesion)
-    evaluator = Evaluator(config.task, config.trial, trials, seed)
-    records, modulations = {}, {}
-    for number, policy in load_policies(run.folder, weights, run.only).items():
-        with policy.motor_network.lesioned(found):
-            records[number] = evaluator.run(policy, deterministic)
-            modulation = side_modulation(policy.motor_network, records[number])
-        if modulation:
-            modulations[number] = modulation
-    return Evaluation(config, lesion, records, modulations)
-
-
-def find_lesion_of(config: TrainConfig, name: str) -> Lesion:
-    """Return the lesion of a run's profile. Raises UserError for one that its model cannot have."""
-    available = (INTACT, *build_network(config).available_lesions())
-    if name not in available:
-        raise UserError(f"{config.model} cannot have the lesion {name!r}; choose from {', '.join(available)}.")
-    return NO_LESION if name == INTACT else LESIONS_OF[config.lesion_profile][name]
+    under = conditions(config, task, settings)
+    policies = load_policies(run.folder, weights, run.only)
+    for policy in policies.values():
+        policy.motor_network.set_lesion(lesion_of(run.folder, config, policy.motor_network, lesion))
+    evaluator = Evaluator(under.task, under.settings, trials, seed)
+    records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
+    modulations = side_modulations({number: policy.motor_network for number, policy in policies.items()}, records)
+    tested = dataclasses.replace(config, task=under.task, trial=under.settings)
+    return Evaluation(tested, under, lesion, records, modulations)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bilateral_rl.analysis.metrics import metrics_of
-from bilateral_rl.api.checks import path
+from bilateral_rl.api.checks import as_path
 from bilateral_rl.api.evaluation import evaluate
 from bilateral_rl.api.run import Run
 from bilateral_rl.runs.export import check_free, exported_config, write_export
@@ -20,7 +20,7 @@ def export(run: Run, out: str | Path, *, trials: int, seed: int, weights: str) -
     Raises:
         UserError: what cannot be tested or written; nothing is left then.
     """
-    folder = path("--out", out)
+    folder = as_path("--out", out)
     check_free(folder)
     records = evaluate(run, trials, seed, weights=weights).records
     config = exported_config(run.folder, run.only)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from bilateral_rl.api.checks import Names, whole
+from bilateral_rl.api.checks import Names, as_path, settings_by_name, whole
 from bilateral_rl.api.notes import tell
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.schema import TrainConfig
@@ -21,6 +22,7 @@ from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bilateral_rl.analysis.recording import Recording
     from bilateral_rl.api.progress import ProgressLike
 
 
@@ -96,16 +98,15 @@ class Run:
         Raises:
             UserError: several networks and no seed, or a seed, lesion or weights that there are not.
         """
-        from bilateral_rl.api.evaluation import find_lesion_of
+        from bilateral_rl.runs.lesions import lesion_of
 
         if seed is None and len(self.seeds) > 1:
             raise UserError(f"{self.name} has {seed_range(self.seeds)}: say which one, as seed={self.seeds[0]}.")
         chosen = self.seeds[0] if seed is None else whole("seed", seed)
         if chosen not in self.seeds:
             raise UserError(f"{self.name} has no seed {chosen}; it has {seed_range(self.seeds)}.")
-        found = find_lesion_of(self.config, lesion)
         (policy,) = load_policies(self.folder, weights, chosen).values()
-        policy.motor_network.set_lesion(found)
+        policy.motor_network.set_lesion(lesion_of(self.folder, self.config, policy.motor_network, lesion))
         return policy
 
     @in_python
@@ -115,6 +116,8 @@ class Run:
         *,
         seed: int = TEST_SEED,
         lesion: str = INTACT,
+        task: str | None = None,
+        settings: Mapping[str, Any] | None = None,
         deterministic: bool = True,
         weights: str = FINAL,
         by: Literal["seed", "trial"] = "seed",
@@ -125,21 +128,25 @@ class Run:
             trials: number of trials of each network.
             seed: seed of the first trial.
             lesion: "intact", or the name of a lesion that the model can have.
+            task: another task than the run's, "random_reach" or "hold_position".
+            settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
             deterministic: whether policies act by the mean of their actions, without exploration.
             weights: "final", "best" or "step_…": which of the run's weights.
             by: "seed" for means over the trials, or "trial" for a row a trial.
 
         Returns:
-            By seed, a row for each network (``seed``) and radius of the goal (``threshold_m``: 2, 3 and 5 cm, and the
-            run's own), with columns ``lesion``, ``goal_completion_percent``, ``speed_to_goal_cm_per_step`` (NaN where
-            no goal was reached), ``time_in_goal_steps``, ``final_error_cm``, ``return_dominant`` and
-            ``return_non_dominant``; of networks with two hemispheres also what each supplies to the muscles:
-            ``contribution_…``, ``contribution_percent_…`` and ``contribution_constant_…``, before the sigmoid.
+            By seed, a row for each network (``seed``) and radius of the goal (``threshold_m``: 2, 3 and 5 cm, and that
+            of the test), with columns ``goal_completion_percent``, ``speed_to_goal_cm_per_step`` (NaN where no goal was
+            reached), ``time_in_goal_steps``, ``final_error_cm``, ``return_dominant`` and ``return_non_dominant``; of
+            networks with two hemispheres also what each supplies to the muscles, before the sigmoid:
+            ``contribution_…``, ``contribution_percent_…`` and ``contribution_constant_…``.
 
-            By trial, a row a trial at the run's own radius, in SI units: ``seed``, ``lesion``, ``trial``,
-            ``threshold_m``, ``goal_completion`` (0 or 1), ``speed_to_goal_m_per_step``, ``time_in_goal_steps``,
-            ``final_error_m``, ``start_distance_m``, both returns, and ``start_x_m``, ``target_x_m``, ``load_x_N`` and
-            the same along y.
+            By trial, a row a trial at the radius of the test, in SI units: ``trial``, ``threshold_m``,
+            ``goal_completion`` (0 or 1), ``speed_to_goal_m_per_step``, ``time_in_goal_steps``, ``final_error_m``,
+            ``start_distance_m``, both returns, ``start_x_m``, ``target_x_m``, ``load_x_N`` and the same along y, and
+            ``seed``.
+
+            Both end with ``lesion``, ``task`` and a column for each setting that is another than the run's.
 
         Raises:
             UserError: what cannot be tested so.
@@ -148,8 +155,88 @@ class Run:
 
         if by not in ("seed", "trial"):
             raise UserError(f'by must be "seed" or "trial", got {by!r}.')
-        evaluation = evaluate(self, trials, seed, lesion=lesion, deterministic=deterministic, weights=weights)
+        evaluation = evaluate(
+            self, trials, seed, lesion=lesion, task=task, settings=settings_by_name("--set", settings),
+            deterministic=deterministic, weights=weights,
+        )  # fmt: skip
+        tell(evaluation.under.notes)
         return evaluation.by_seed() if by == "seed" else evaluation.by_trial()
+
+    @in_python
+    def record(
+        self,
+        trials: int = 128,
+        *,
+        seed: int = TEST_SEED,
+        lesion: Names = INTACT,
+        task: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+        weights: str = FINAL,
+        progress: ProgressLike = True,
+    ) -> Recording:
+        """Record everything that moves in trials of the networks, step by step.
+
+        ``recording["hand"]`` is an array (trials, moments, 2) (m), ``recording.frame()`` a table with a row a trial and
+        moment, ``recording.save("reaches.parquet")`` a file. All is kept in memory, 25 kB a trial of 50 steps;
+        :meth:`record_to` writes a file of any size.
+
+        Args:
+            trials: number of trials of each network with each lesion.
+            seed: seed of the first trial.
+            lesion: "intact", or the name of a lesion, or several, each of which every network has in turn.
+            task: another task than the run's, "random_reach" or "hold_position".
+            settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
+            weights: "final", "best" or "step_…": which of the run's weights.
+            progress: whether a bar shows how it comes along, or the rich console where it does.
+
+        Raises:
+            UserError: what cannot be recorded so.
+        """
+        from bilateral_rl.analysis.recording import Recording
+        from bilateral_rl.api.recording import parts_of, recorder_of
+
+        recorder = recorder_of(self, trials, seed, lesion, task, settings_by_name("--set", settings), weights)
+        recording = Recording.join(parts_of(recorder, progress))
+        tell(recorder.conditions.notes)
+        return recording
+
+    @in_python
+    def record_to(
+        self,
+        out: str | Path,
+        trials: int = 128,
+        *,
+        seed: int = TEST_SEED,
+        lesion: Names = INTACT,
+        task: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+        weights: str = FINAL,
+        progress: ProgressLike = True,
+    ) -> Path:
+        """Write what :meth:`record` records into a file, part by part, so that it may be larger than the memory.
+
+        Args:
+            out: a .csv, .npz, .parquet or .nc file; an earlier one is replaced.
+            trials: number of trials of each network with each lesion.
+            seed: seed of the first trial.
+            lesion: "intact", or the name of a lesion, or several, each of which every network has in turn.
+            task: another task than the run's, "random_reach" or "hold_position".
+            settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
+            weights: "final", "best" or "step_…": which of the run's weights.
+            progress: whether a bar shows how it comes along, or the rich console where it does.
+
+        Returns:
+            The path of the file.
+
+        Raises:
+            UserError: what cannot be recorded so, or a file that cannot be written; none is left then.
+        """
+        from bilateral_rl.api.recording import record_to
+
+        path, fixed = as_path("--out", out), settings_by_name("--set", settings)
+        recorder = record_to(path, self, trials, seed, lesion, task, fixed, weights, progress)
+        tell(recorder.conditions.notes)
+        return path
 
     @in_python
     def lesion(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,16 +11,13 @@ import pandas as pd
 from rich.console import Console
 from rich.markup import escape
 
-from bilateral_rl.analysis.conditions import Conditions, conditions
-from bilateral_rl.analysis.modulation import SideModulation, side_modulations
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
-from bilateral_rl.commands.checks import check_trials
+from bilateral_rl.analysis.trials import TrialRecord, summaries
+from bilateral_rl.api import evaluation as api
+from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.training_report import measures_table, sides_table
 from bilateral_rl.commands.writing import apart_from, json_ready, write
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.policies.lesions import INTACT, lesion_words
-from bilateral_rl.runs.lesions import lesion_of
-from bilateral_rl.runs.policies import load_policies, parse_run
 
 
 def evaluate(
@@ -56,59 +52,43 @@ def evaluate(
     Raises:
         UserError: a run that cannot be tested, or a file that cannot be written; the table is printed all the same.
     """
-    check_trials(trials, seed)
     console = apart_from(console, csv, json_file)
-    folder, only = parse_run(run)
-    config = folder.config()
-    under = conditions(config, task, parse_overrides(overrides))
-    policies = load_policies(folder, weights, only)
-    for policy in policies.values():
-        policy.motor_network.set_lesion(lesion_of(folder, config, policy.motor_network, lesion))
-    evaluator = Evaluator(under.task, under.settings, trials, seed)
-    records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
-    networks = {number: policy.motor_network for number, policy in policies.items()}
-    modulations = side_modulations(networks, records)
+    made = api.evaluate(
+        find_run(run), trials, seed, lesion=lesion, task=task, settings=parse_overrides(overrides),
+        deterministic=deterministic, weights=weights,
+    )  # fmt: skip
     head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
-    head |= {"task": under.task, "lesion": lesion, "changed": dict(under.changed), "notes": list(under.notes)}
+    head |= {"task": made.under.task, "lesion": lesion, "changed": dict(made.under.changed)}
+    head["notes"] = list(made.under.notes)
     try:
-        _write(records, modulations, head, under.settings.threshold, csv, json_file)
+        _write(made, head, csv, json_file)
     finally:
-        title = "; ".join([f"{run} ({weights}), {trials} trials of seed {seed}", *_deviations(lesion, under)])
-        tested = dataclasses.replace(config, task=under.task, trial=under.settings)
-        console.print(measures_table(records, tested, title))
-        if modulations:
-            console.print(sides_table(modulations))
-        for note in under.notes:
+        title = "; ".join([f"{run} ({weights}), {trials} trials of seed {seed}", *_deviations(made)])
+        console.print(measures_table(made.records, made.config, title))
+        if made.modulations:
+            console.print(sides_table(made.modulations))
+        for note in made.under.notes:
             console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
 
 
-def _deviations(lesion: str, under: Conditions) -> Iterator[str]:
+def _deviations(made: api.Evaluation) -> Iterator[str]:
     """Say in what the test differs from the training."""
-    if lesion != INTACT:
-        yield f"lesion: {lesion_words(lesion)}"
-    for name, value in under.changed.items():
+    if made.lesion != INTACT:
+        yield f"lesion: {lesion_words(made.lesion)}"
+    for name, value in made.under.changed.items():
         yield f"{name} = {value}"
 
 
-def _write(
-    records: Mapping[int, TrialRecord],
-    modulations: Mapping[int, SideModulation],
-    head: Mapping[str, Any],
-    threshold: float,
-    csv: Path | None,
-    json_file: Path | None,
-) -> None:
+def _write(made: api.Evaluation, head: Mapping[str, Any], csv: Path | None, json_file: Path | None) -> None:
     """Write the files that are requested: a row a trial, and the table, headed by what was tested."""
     if csv is not None:
-        tables = [record.table(threshold).assign(seed=seed) for seed, record in records.items()]
-        of_all = {"lesion": head["lesion"], "task": head["task"], **head["changed"]}
-        columns = {name: [value] * sum(map(len, tables)) for name, value in of_all.items()}
-        write(csv, pd.concat(tables).assign(**columns).to_csv(index=False))
+        write(csv, made.by_trial().to_csv(index=False))
     if json_file is not None:
-        by_seed = {seed: _by_threshold(record, threshold) for seed, record in records.items()}
+        threshold = made.config.trial.threshold
+        by_seed = {seed: _by_threshold(record, threshold) for seed, record in made.records.items()}
         measures: dict[str, Any] = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
-        if modulations:
-            sides = {seed: modulation.measures() for seed, modulation in modulations.items()}
+        if made.modulations:
+            sides = {seed: modulation.measures() for seed, modulation in made.modulations.items()}
             measures["sides"] = {**_mean(list(sides.values())), "by_seed": sides}
         write(json_file, json.dumps(json_ready({**head, **measures}), indent=2, allow_nan=False) + "\n")
 

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
 
-from bilateral_rl.analysis import recording_files
-from bilateral_rl.analysis.recording import Recording
-from bilateral_rl.analysis.recording_of_runs import Recorder
-from bilateral_rl.commands.checks import check_trials
+from bilateral_rl.api.recording import record_to
+from bilateral_rl.api.run import find_run
 from bilateral_rl.config.parse import parse_overrides
-from bilateral_rl.policies.lesions import INTACT
-from bilateral_rl.runs.policies import parse_run
 
 
 def record(
@@ -47,30 +42,8 @@ def record(
     Raises:
         UserError: a run that cannot be recorded so, or a file that cannot be written; none is left then.
     """
-    check_trials(trials, seed)
-    recording_files.check_path(out)
-    folder, only = parse_run(run)
-    recorder = Recorder.of_run(
-        folder,
-        only,
-        trials=trials,
-        seed=seed,
-        lesions=lesions or [INTACT],
-        task=task,
-        settings=parse_overrides(overrides),
-        weights=weights,
-    )
-    recording_files.write(out, _counted(recorder, console), recorder.total)
+    recorder = record_to(out, find_run(run), trials, seed, lesions, task, parse_overrides(overrides), weights, console)
     for note in recorder.conditions.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     quoted = escape(shlex.quote(str(out)))
     console.print(f"Saved {recorder.total:,} trials in [bold]{quoted}[/bold].", soft_wrap=True, highlight=False)
-
-
-def _counted(recorder: Recorder, console: Console) -> Iterator[Recording]:
-    """Yield the parts of a recording, with a bar that counts trials where there is a terminal."""
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("recording", total=recorder.total)
-        for part in recorder.parts():
-            yield part
-            bar.advance(task, len(part))

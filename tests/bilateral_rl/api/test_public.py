@@ -14,6 +14,7 @@ from bilateral_rl.api.wording import argument
 
 ROOT = Path(__file__).parents[3]
 TESTS = "trials=1024, *, seed=2000000"
+CONDITIONS = "lesion='intact', task=None, settings=None"
 FILM = "trials=4, seed=2000000, lesion='intact', weights='final', slow_down=4, size=480, progress=True"
 SIGNATURES = {
     "compare": f"(*runs, metrics=None, retrain=None, {TESTS.replace(' *,', '')})",
@@ -30,11 +31,13 @@ SIGNATURES = {
     "settings=None, out='runs', progress=True)",
     "Run.curves": "()",
     "Run.policy": "(seed=None, lesion='intact', weights='final')",
-    "Run.evaluate": f"({TESTS}, lesion='intact', deterministic=True, weights='final', by='seed')",
+    "Run.evaluate": f"({TESTS}, {CONDITIONS}, deterministic=True, weights='final', by='seed')",
     "Run.lesion": "(lesions=None, retrain=None, *, retrain_epochs=None, retrain_learning_rate=None, "
     "retrain_optimizer=None, retrain_trials=None, retrain_penalty=None, retrain_penalty_coefficient=None, "
     "control=True, profile=None, trials=1024, seed=2000000, weights='final', out=None, progress=True)",
     "Run.export": "(out, *, trials=1024, seed=2000000, weights='final')",
+    "Run.record": f"({TESTS.replace('1024', '128')}, {CONDITIONS}, weights='final', progress=True)",
+    "Run.record_to": f"(out, {TESTS.replace('1024', '128')}, {CONDITIONS}, weights='final', progress=True)",
     "Run.render": f"(out=None, *, {FILM})",
     "Run.resume": "(timesteps=None, epochs=None, *, device=None, track=None, progress=True)",
 }

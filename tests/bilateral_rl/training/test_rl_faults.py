@@ -132,6 +132,7 @@ def test_sigterm_stops_a_supervised_training_too(tmp_path, small_bptt):
 def test_a_killed_evaluation_leaves_the_old_table_or_the_new_one(tmp_path, run):
     table, output = tmp_path / "table.csv", tmp_path / "output"
     arguments = {"run": str(run.path), "trials": 2_000, "seed": 5, "deterministic": True, "weights": "final"}
+    arguments |= {"lesion": "intact", "task": None, "overrides": []}
     arguments |= {"csv": table, "json_file": None, "console": Console(file=io.StringIO())}
     evaluate(**arguments)
     new = table.read_bytes()
@@ -180,7 +181,7 @@ def test_a_clock_that_goes_back_changes_nothing(tmp_path, whole_run, monkeypatch
 
 def test_a_run_of_several_seeds_or_one_that_cannot_go_on_is_refused_before_it_is_announced(call, run):
     shutil.copytree(run.path, "run")
-    for arguments, words in ((["run:1"], "without :1"), (["run"], "larger --timesteps")):
+    for arguments, words in ((["run:0"], "without :0"), (["run"], "larger --timesteps")):
         code, out, err = call("train", "--resume", *arguments)
         assert code == 2
         assert out == ""
