@@ -154,7 +154,8 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         return tuple(self._view.pictures()) if self.render_mode == "rgb_array" else None
 
     def close_extras(self, **kwargs: Any) -> None:
-        self._view.close()
+        if "_view" in vars(self):  # Gymnasium closes what could not be made, too
+            self._view.close()
 
     def _chosen(self, options: dict[str, Any]) -> Mask:
         """Return the arms that :meth:`reset` starts."""

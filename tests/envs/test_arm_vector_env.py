@@ -1,6 +1,8 @@
 """The Gymnasium vector face agrees with Gymnasium's own vectorisation of ArmEnv."""
 
 import copy
+import gc
+import sys
 import warnings
 
 import gymnasium
@@ -204,6 +206,15 @@ def test_make_vecs_limit_is_the_trials_length():
     assert venv.settings.trial_length == venv.trial_length == 3
     with pytest.raises(ValueError, match="contradict each other"):
         batched(IDS[0], max_episode_steps=3)
+
+
+def test_arms_that_could_not_be_made_are_closed_without_a_word(monkeypatch):
+    unraisable = []
+    monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
+    with pytest.raises(ValueError, match="threshold must be above 0"):
+        ArmVectorEnv(2, threshold=-1)
+    gc.collect()
+    assert not unraisable
 
 
 def test_settings_of_running_arms_stay():
