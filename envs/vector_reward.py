@@ -10,6 +10,8 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+from bilateral_rl.reward_pair import checked_pair
+
 
 class Transition(NamedTuple):
     """A step of an environment, as the function that gives a pair of rewards sees it."""
@@ -20,8 +22,8 @@ class Transition(NamedTuple):
     """The action that the wrapper was given."""
     next_observation: Any
     """What the action led to."""
-    reward: float
-    """The environment's own reward."""
+    reward: float | NDArray[np.float64]
+    """The environment's own reward: a number, or a vector where its rewards are many, as those of MO-Gymnasium."""
     info: dict[str, Any]
     """The environment's own info."""
 
@@ -38,14 +40,14 @@ class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs)
     ``TimeLimit``, where ``gymnasium.make(...)`` has it inside, so that it sees episodes end.
 
     Args:
-        env: the environment.
-        reward_pair: gives the pair for a :class:`Transition`.
+        env: the environment. Its own reward may be a vector, as those of MO-Gymnasium are.
+        reward_pair: gives the pair for a :class:`Transition`; by default the environment's own reward is the pair.
 
     Raises:
-        ValueError: at a step, if ``reward_pair`` gives anything but two finite numbers.
+        ValueError: at a step, if ``reward_pair``, or without it the environment, gives anything but two finite numbers.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], reward_pair: RewardPair) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], reward_pair: RewardPair | None = None) -> None:
         RecordConstructorArgs.__init__(self, reward_pair=reward_pair)
         gymnasium.Wrapper.__init__(self, env)
         self.reward_pair = reward_pair
@@ -59,8 +61,7 @@ class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
-        transition = Transition(self._observation, action, observation, float(reward), info)
-        pair = _checked(self.reward_pair(transition))
+        pair = self._pair(Transition(self._observation, action, observation, _own_reward(reward), info))
         self._observation = observation
         self._return += pair
         info = info | {"vector_reward": pair}
@@ -68,18 +69,18 @@ class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs)
             info["vector_return"] = self._return.astype(np.float32)
         return observation, float(pair.mean()), terminated, truncated, info
 
+    def _pair(self, transition: Transition) -> NDArray[np.float32]:
+        """Return the pair of rewards (2,) of a step."""
+        if self.reward_pair is not None:
+            return checked_pair(self.reward_pair(transition), "what reward_pair gives")
+        if np.ndim(transition.reward) == 0:
+            raise ValueError(
+                "VectorReward without reward_pair needs an environment whose reward is a pair, dominant and "
+                f"non-dominant, not the number {transition.reward!r}: give a function of the step as reward_pair."
+            )
+        return checked_pair(transition.reward, "the environment's reward")
 
-def _checked(pair: Any) -> NDArray[np.float32]:
-    """Return the rewards (2,) that ``reward_pair`` gave.
 
-    Raises:
-        ValueError: anything but two finite numbers.
-    """
-    try:
-        with np.errstate(over="ignore"):
-            numbers = np.asarray(pair, dtype=np.float32)
-    except (TypeError, ValueError):
-        numbers = np.empty(0, dtype=np.float32)
-    if numbers.shape != (2,) or not np.isfinite(numbers).all():
-        raise ValueError(f"reward_pair must give two finite numbers, dominant and non-dominant, got {pair!r}.")
-    return numbers
+def _own_reward(reward: Any) -> float | NDArray[np.float64]:
+    """Return the reward that an environment gave, as a number or, of several, as a vector."""
+    return float(reward) if np.ndim(reward) == 0 else np.asarray(reward)

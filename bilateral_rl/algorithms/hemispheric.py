@@ -16,11 +16,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecNormalize
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
+from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
+from bilateral_rl.algorithms.outer_rewards import RewardPairs
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
@@ -45,7 +47,10 @@ class Hemispheric(BaseAlgorithm):
     """Base class of the algorithms whose reward is a pair, dominant and non-dominant; mix it into one of SB3's.
 
     The environment gives the pair as ``venv.last_vector_reward`` (n_envs, 2), or as ``info["vector_reward"]`` (2,).
-    With ``loss`` other than "specialized" there is one stream, and the arithmetic is the SB3 parent's.
+    Where there are several, the outermost counts, and its mean must be the reward that ``step`` returned: what wraps an
+    environment in another reward, and leaves the pair, is refused. ``VecNormalize`` normalizes each stream's reward as
+    it does their mean. With ``loss`` other than "specialized" there is one stream, and the arithmetic is the SB3
+    parent's; "combined" learns by the reward that ``step`` returned, whatever the pair is.
 
     The constructors of the algorithms list all their arguments; this one takes its own out of them and gives the
     others to the SB3 parent.
@@ -186,7 +191,11 @@ class Hemispheric(BaseAlgorithm):
         if reset_num_timesteps or self._last_obs is None or self._last_traces is None:
             assert self.env is not None
             self._last_traces = self._traces.start(self.env.num_envs)
-        return super()._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+        prepared = super()._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+        self._check_policy()
+        assert isinstance(self._last_obs, np.ndarray)
+        check_observations(self._last_obs, self.num_timesteps)
+        return prepared
 
     def _trace(self, actions: NDArray[np.floating], dones: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Take in the actions (n_envs, n_actions) of a step, each number scaled to [-1, 1].
@@ -230,21 +239,40 @@ class Hemispheric(BaseAlgorithm):
                 )
         return dict(given) | own
 
+    # --- what cannot be learned from ----------------------------------------------------------------------------------
+
+    def _check_policy(self) -> None:
+        """Raise DivergedError unless all that is trained is finite, as every ``learn`` begins and every update ends."""
+        check_policy((parameter for group in self._groups.values() for parameter in group), self.num_timesteps)
+
+    def _check_actions(self, actions: NDArray[np.floating[Any]]) -> None:
+        """Raise DivergedError unless ``actions`` (n_envs, …) are finite."""
+        check_actions(actions, (p for group in self._groups.values() for p in group), self.num_timesteps)
+
     # --- rewards ----------------------------------------------------------------------------------------------------
 
-    def _stream_rewards(self, env: VecEnv, infos: Sequence[Mapping[str, Any]]) -> NDArray[np.float32]:
-        """Return the scaled rewards of the last step, (n_envs, n_streams)."""
-        pair = getattr(env, "last_vector_reward", None)
-        if pair is None:
-            if "vector_reward" not in infos[0]:
-                raise ValueError(
-                    f"{type(self).__name__} needs a pair of rewards, dominant and non-dominant: the environment has "
-                    "neither last_vector_reward (n_envs, 2) nor info['vector_reward'] (2,); wrap it in "
-                    "bilateral_rl.envs.VectorReward."
-                )
-            pair = np.array([info["vector_reward"] for info in infos], dtype=np.float32)
-        # (n_envs, 2) @ (2, n_streams)
-        return np.asarray(pair @ self._mix.T * self.reward_scale, dtype=np.float32)
+    def _stream_rewards(
+        self, given: RewardPairs, rewards: NDArray[np.float32], without: VecNormalize | None = None
+    ) -> NDArray[np.float32]:
+        """Return the scaled rewards (…, n_envs, n_streams) of the last step, or of the last steps.
+
+        Args:
+            given: their pairs.
+            rewards: (…, n_envs), what ``step`` returned.
+            without: what normalizes rewards, and shall not have done so to those returned here.
+
+        Raises:
+            ValueError: the mean of a pair is not the reward.
+        """
+        streams = given.normalized(given.pairs @ self._mix.T, without)  # (…, n_envs, 2) @ (2, n_streams)
+        agreement = given.agreement(rewards)
+        if not agreement.all():
+            if self.loss != "combined" or not np.isfinite(rewards).all():
+                given.refuse(rewards, self.num_timesteps)
+            # The mean of the pair is all that it learns by, and somebody has made another one of it.
+            outer = rewards if without is None else without.get_original_reward()
+            streams = np.where(agreement[..., None], streams, outer[..., None])
+        return np.asarray(streams * self.reward_scale, dtype=np.float32)
 
     # --- updates ----------------------------------------------------------------------------------------------------
 

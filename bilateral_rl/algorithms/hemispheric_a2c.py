@@ -156,6 +156,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             value_loss = (values - batch.returns).square().mean(dim=0)
             self._step(self._stream_losses(policy_loss, value_loss, log), scales, log)
         self._n_updates += 1
+        self._check_policy()
         self._record(log)
 
 

@@ -161,6 +161,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             self._n_updates += 1
             if not completed:
                 break
+        self._check_policy()
         self._record(log)
         self.logger.record("train/clip_range", clip_range)
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
 import pathlib
 from abc import abstractmethod
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, get_args
 
+import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ContinuousCritic
 from stable_baselines3.common.save_util import load_from_zip_file
@@ -20,7 +23,9 @@ from stable_baselines3.common.type_aliases import GymEnv, TensorDict
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.arguments import OFF_POLICY
+from bilateral_rl.algorithms.finite import check_observations
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
+from bilateral_rl.algorithms.outer_rewards import RewardPairs, outermost_pairs
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples
 from bilateral_rl.algorithms.stream_scale import StreamScale
 from bilateral_rl.policies import MotorPolicy
@@ -141,6 +146,25 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
                 f"the replay buffer holds traces of decays {decays}, and action_traces is {self.action_traces}."
             )
 
+    @contextlib.contextmanager
+    def _telling_divergence(self) -> Iterator[None]:
+        """A context in which torch's refusal of a distribution around what is not finite becomes DivergedError."""
+        try:
+            yield
+        except ValueError as error:
+            self._check_policy()
+            if "invalid values" in str(error):
+                self._check_actions(np.array([np.nan]))
+            raise
+
+    def _sample_action(
+        self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        with self._telling_divergence():
+            actions, buffer_actions = super()._sample_action(learning_starts, action_noise, n_envs)
+        self._check_actions(buffer_actions)
+        return actions, buffer_actions
+
     def _store_transition(
         self,
         replay_buffer: ReplayBuffer,
@@ -151,12 +175,31 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         infos: list[dict[str, Any]],
     ) -> None:
         assert isinstance(replay_buffer, StreamReplayBuffer)
-        assert self.env is not None
+        assert isinstance(new_obs, np.ndarray)
         assert self._last_traces is not None
-        replay_buffer.next_rewards = self._stream_rewards(self.env, infos)
+        check_observations(new_obs, self.num_timesteps)
+        if ended := [i for i in np.flatnonzero(dones).tolist() if infos[i].get("terminal_observation") is not None]:
+            last = np.stack([infos[i]["terminal_observation"] for i in ended])
+            check_observations(last, self.num_timesteps, ended)
+        replay_buffer.next_rewards = self._stream_rewards(self._pairs(infos), reward, without=self._vec_normalize_env)
         replay_buffer.next_traces = self._last_traces
         self._trace(buffer_action, dones)
         super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
+
+    def _pairs(self, infos: list[dict[str, Any]]) -> RewardPairs:
+        """Return the pairs of rewards of the last step.
+
+        Raises:
+            ValueError: none, or some that ``VecNormalize`` does not normalize.
+        """
+        assert self.env is not None
+        given, normalizer = outermost_pairs(self.env, infos, self.num_timesteps), self._vec_normalize_env
+        if normalizer is not None and normalizer.norm_reward and normalizer not in given.normalizers:
+            raise ValueError(
+                "a wrapper around VecNormalize gives pairs of rewards, which a replay buffer cannot normalize when it "
+                "samples them: put VecNormalize around that wrapper."
+            )
+        return given
 
     # --- training ---------------------------------------------------------------------------------------------------
 
@@ -170,8 +213,19 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         log: Log = defaultdict(list)
         for _ in range(gradient_steps):
             self._n_updates += 1
-            self._update(self.replay_buffer.sample(batch_size, env=self._vec_normalize_env), log)
+            batch = self.replay_buffer.sample(batch_size, env=self._vec_normalize_env)
+            with self._telling_divergence():
+                self._update(batch._replace(rewards=self._normalized(batch.rewards)), log)
+        self._check_policy()
         self._log_averages(log)
+
+    def _normalized(self, rewards: Tensor) -> Tensor:
+        """Return rewards (b, n_streams) of the replay buffer, which are scaled, as ``VecNormalize`` now leaves them."""
+        env = self._vec_normalize_env
+        if env is None or not env.norm_reward:
+            return rewards
+        bound = abs(self.reward_scale) * env.clip_reward
+        return (rewards / float(np.sqrt(env.ret_rms.var + env.epsilon))).clamp(-bound, bound)
 
     def _measure_inputs(self, replay_buffer: StreamReplayBuffer) -> None:
         """Let critics and targets standardize what they see by the steps that are kept now."""

@@ -18,7 +18,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
 from bilateral_rl.algorithms.arguments import ON_POLICY
+from bilateral_rl.algorithms.finite import check_observations
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
+from bilateral_rl.algorithms.outer_rewards import RewardPairs, gives_pairs, outermost_pairs, own_pairs
 from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRolloutBuffer
@@ -33,7 +35,7 @@ class _CutShort(NamedTuple):
     envs: list[int]
     """The environments of the episodes."""
     last_obs: NDArray[np.float32]
-    """(m, n_observed): the last observation of each episode."""
+    """(m, *observation shape): the last observation of each episode."""
     last_traces: NDArray[np.float32]
     """(m, n): traces of the actions before it."""
 
@@ -80,13 +82,16 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         rollout_buffer.reset()
         callback.on_rollout_start()
         cut_short: list[_CutShort] = []
+        # Where the environment itself gives the pairs, they are compared with its rewards once a rollout.
+        is_direct, outer = gives_pairs(env), np.empty((n_rollout_steps, env.num_envs), dtype=np.float32)
+        pairs = np.empty((*outer.shape, 2), dtype=np.float32)
         new_obs = self._last_obs
         assert isinstance(new_obs, np.ndarray)  # neither image nor dictionary spaces reach this policy
         for step in range(n_rollout_steps):
             # Acting on the stored row, whose place in memory is the same in every process, keeps rounding the same:
             # matrix products may round by alignment. Nor can an environment change it afterwards.
             assert self._last_traces is not None
-            obs = rollout_buffer.begin_step(new_obs.reshape(env.num_envs, -1), self._last_traces)
+            obs = rollout_buffer.begin_step(new_obs, self._last_traces)
             latent_actions, log_probs, squashed = self._act(obs)
             actions = self.policy.unscale_action(squashed.reshape(-1, *self.policy.action_space.shape))  # type: ignore[misc]
             step_obs, rewards, dones, infos = env.step(actions)
@@ -96,23 +101,32 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
-            rollout_buffer.add(latent_actions, self._stream_rewards(env, infos), dones, log_probs)
+            check_observations(new_obs, self.num_timesteps)
+            streams = None
+            if is_direct:
+                pairs[step], outer[step] = own_pairs(env, self.num_timesteps), rewards
+            else:
+                streams = self._stream_rewards(outermost_pairs(env, infos, self.num_timesteps), rewards)
+            rollout_buffer.add(latent_actions, streams, dones, log_probs)
             traces = self._trace(squashed, dones)
             if dones.any():
                 self._update_info_buffer(infos, dones)
                 if envs := [i for i in np.flatnonzero(dones).tolist() if infos[i].get("TimeLimit.truncated")]:
                     last_obs = np.stack([infos[i]["terminal_observation"] for i in envs])
-                    cut_short.append(_CutShort(step, envs, last_obs.reshape(len(envs), -1), traces[envs]))
+                    check_observations(last_obs, self.num_timesteps, envs)
+                    cut_short.append(_CutShort(step, envs, last_obs.astype(np.float32, copy=False), traces[envs]))
             self._last_obs = new_obs
             self._last_episode_starts = dones
-        self._evaluate_rollout(rollout_buffer, new_obs.reshape(env.num_envs, -1), cut_short)
+        if is_direct:
+            rollout_buffer.rewards[:] = self._stream_rewards(RewardPairs(pairs), outer)
+        self._evaluate_rollout(rollout_buffer, new_obs.astype(np.float32, copy=False), cut_short)
         callback.update_locals(locals())
         callback.on_rollout_end()
         return True
 
     @torch.no_grad()
     def _act(self, obs: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Sample actions for observations (n_envs, n_observed).
+        """Sample actions for observations (n_envs, *observation shape).
 
         Returns:
             the actions before their squashing (n_envs, n_actions), the log of their density (n_envs,), and the actions
@@ -121,7 +135,9 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         mean, log_std = self.policy.action_mean(torch.from_numpy(obs).to(self.device)), self.policy.log_std
         latent = torch.addcmul(mean, torch.randn_like(mean), log_std.exp())
         log_probs = gaussian_log_prob(latent, mean, log_std)
-        return latent.cpu().numpy(), log_probs.cpu().numpy(), torch.tanh(latent).cpu().numpy()
+        latent_actions = latent.cpu().numpy()
+        self._check_actions(latent_actions)
+        return latent_actions, log_probs.cpu().numpy(), torch.tanh(latent).cpu().numpy()
 
     @torch.no_grad()
     def _evaluate_rollout(
@@ -129,7 +145,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
     ) -> None:
         """Value every observation of the rollout in one batch; then compute its advantages and returns."""
         arrays = rollout_buffer.observations, rollout_buffer.traces
-        observations, traces = (array.reshape(math.prod(array.shape[:2]), array.shape[2]) for array in arrays)
+        observations, traces = (array.reshape(math.prod(array.shape[:2]), *array.shape[2:]) for array in arrays)
         values = self._values(observations, traces).reshape(rollout_buffer.rewards.shape)
         if cut_short:
             # γ V(last observation) stands for the rewards that the time limit cut off.
@@ -142,7 +158,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         rollout_buffer.compute_returns_and_advantage(values, self._values(last_obs, self._last_traces))
 
     def _values(self, observations: NDArray[np.float32], traces: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Map observations (n, n_observed) and traces (n, n_traces) to the values of the streams (n, n_streams)."""
+        """Return the values of the streams (n, n_streams) of observations (n, …) with their traces (n, n_traces)."""
         tensors = (torch.from_numpy(array).to(self.device) for array in (observations, traces))
         return self.policy.predict_stream_values(*tensors).cpu().numpy()  # type: ignore[no-any-return]
 

@@ -18,11 +18,11 @@ class StreamSamples(NamedTuple):
     """A batch of ``b`` steps."""
 
     observations: Tensor
-    """(b, n_observed)."""
+    """(b, *observation shape)."""
     actions: Tensor
     """(b, n_actions), in [-1, 1]."""
     next_observations: Tensor
-    """(b, n_observed)."""
+    """(b, *observation shape)."""
     dones: Tensor
     """(b, 1): 1 where the step ended its trial; a time limit is no end."""
     rewards: Tensor

@@ -19,7 +19,7 @@ class StreamBatch(NamedTuple):
     """A minibatch of ``b`` samples."""
 
     observations: Tensor
-    """(b, n_observed)."""
+    """(b, *observation shape)."""
     traces: Tensor
     """(b, n): traces of the actions before the step; n is 0 without traces."""
     latent_actions: Tensor
@@ -80,7 +80,7 @@ class StreamRolloutBuffer(RolloutBuffer):
 
     Args:
         buffer_size: steps of each environment in a rollout.
-        observation_space: a Box; observations are stored flat.
+        observation_space: a Box.
         action_space: a Box.
         device: where minibatches are.
         gae_lambda: trade-off of bias and variance of the advantages.
@@ -90,7 +90,7 @@ class StreamRolloutBuffer(RolloutBuffer):
         action_traces: decays of the traces of past actions.
 
     Attributes:
-        observations: (buffer_size, n_envs, n_observed) float32.
+        observations: (buffer_size, n_envs, *observation shape) float32.
         traces: (buffer_size, n_envs, n) float32: of the actions before each step.
         latent_actions: (buffer_size, n_envs, n_actions) float32.
         log_probs: (buffer_size, n_envs) float32.
@@ -116,7 +116,7 @@ class StreamRolloutBuffer(RolloutBuffer):
     ) -> None:
         super().__init__(buffer_size, observation_space, action_space, device, gae_lambda, gamma, n_envs)
         shape = (buffer_size, n_envs)
-        self.observations = np.zeros((*shape, spaces.flatdim(observation_space)), dtype=np.float32)
+        self.observations = np.zeros((*shape, *self.obs_shape), dtype=np.float32)  # type: ignore[misc]
         self.traces = np.zeros((*shape, ActionTraces(action_traces, self.action_dim).size), dtype=np.float32)
         self.latent_actions = np.zeros((*shape, self.action_dim), dtype=np.float32)
         self.log_probs = np.zeros(shape, dtype=np.float32)
@@ -128,10 +128,10 @@ class StreamRolloutBuffer(RolloutBuffer):
         self.pos, self.full = 0, False
 
     def begin_step(self, obs: NDArray[np.floating[Any]], traces: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Store the observations (n_envs, n_observed) that the next step acts on, and return the stored row.
+        """Store the observations that the next step acts on, and return the stored row.
 
         Args:
-            obs: (n_envs, n_observed).
+            obs: (n_envs, *observation shape).
             traces: (n_envs, n), of the actions before.
         """
         self.observations[self.pos] = obs
@@ -142,7 +142,7 @@ class StreamRolloutBuffer(RolloutBuffer):
     def add(  # type: ignore[override] # other columns, as the class says
         self,
         latent_actions: NDArray[np.float32],
-        rewards: NDArray[np.float32],
+        rewards: NDArray[np.float32] | None,
         dones: NDArray[np.bool_],
         log_probs: NDArray[np.float32],
     ) -> None:
@@ -150,13 +150,14 @@ class StreamRolloutBuffer(RolloutBuffer):
 
         Args:
             latent_actions: (n_envs, n_actions), the actions before the squashing.
-            rewards: (n_envs, n_streams).
+            rewards: (n_envs, n_streams); None where those of the whole rollout are put into :attr:`rewards`.
             dones: (n_envs,), whether the step ended an episode.
             log_probs: (n_envs,), Gaussian log probability of ``latent_actions``.
         """
         step = self.pos
         self.latent_actions[step] = latent_actions
-        self.rewards[step] = rewards
+        if rewards is not None:
+            self.rewards[step] = rewards
         self.dones[step] = dones
         self.log_probs[step] = log_probs
         self.pos += 1

@@ -38,15 +38,6 @@ class Experiment(ExperimentManager):
         others = {name: value for name, value in hyperparams.items() if name not in schedules}
         return ExperimentManager._preprocess_schedules(others) | schedules
 
-    def _preprocess_normalization(self, hyperparams: dict[str, Any]) -> dict[str, Any]:
-        hyperparams = super()._preprocess_normalization(hyperparams)
-        if self.algo in ZOO_ALGORITHMS and self.normalize and self.normalize_kwargs.get("norm_reward", True):
-            raise UserError(
-                f"{self.algo} takes a pair of rewards, which VecNormalize does not normalize: set reward_scale, and "
-                "normalize: {norm_reward: false} for the observations alone."
-            )
-        return hyperparams
-
     def create_envs(self, n_envs: int, eval_env: bool = False, no_log: bool = False) -> VecEnv:
         """Make the environments; arms are one ``ArmVecEnv``, unless each needs a process or a wrapper of its own."""
         task = _TASK_OF_ENVIRONMENT.get(self.env_name.gym_id)

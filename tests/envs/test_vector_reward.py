@@ -124,3 +124,43 @@ def test_gymnasium_makes_it_again_from_its_spec():
     again = gymnasium.make(make_pendulum().spec)
     assert isinstance(again, VectorReward)
     assert again.reward_pair is reward_pair
+
+
+class ManyRewards(gymnasium.Env):
+    """An environment whose reward is a vector, as those of MO-Gymnasium."""
+
+    observation_space = action_space = spaces.Box(-1, 1, (1,))
+
+    def __init__(self, rewards):
+        self.rewards = rewards
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        return np.zeros(1, np.float32), self.rewards, False, False, {}
+
+
+def one_step(env):
+    env.reset()
+    return env.step(np.zeros(1, np.float32))
+
+
+def test_a_vector_of_two_rewards_is_the_pair():
+    _, reward, *_, info = one_step(VectorReward(ManyRewards(np.array([2.0, -1.0]))))
+    np.testing.assert_array_equal(info["vector_reward"], [2.0, -1.0])
+    assert info["vector_reward"].dtype == np.float32
+    assert reward == 0.5
+    assert type(reward) is float
+
+
+def test_a_function_may_make_a_pair_of_any_number_of_rewards():
+    env = VectorReward(ManyRewards(np.array([2.0, -1.0, 4.0])), lambda step: (step.reward[0], step.reward[1:].sum()))
+    np.testing.assert_array_equal(one_step(env)[4]["vector_reward"], [2.0, 3.0])
+
+
+def test_other_rewards_than_two_need_a_function():
+    with pytest.raises(ValueError, match=r"environment.s reward must be two finite numbers.*array\(\[1., 2., 3.\]\)"):
+        one_step(VectorReward(ManyRewards(np.array([1.0, 2.0, 3.0]))))
+    with pytest.raises(ValueError, match=r"not the number 1\.5: give a function of the step as reward_pair"):
+        one_step(VectorReward(ManyRewards(1.5)))

@@ -3,19 +3,13 @@
 import numpy as np
 import pytest
 import torch
-from hemispheric_models import ALGORITHMS, OFF_POLICY, Recorder, arm, collect, make_model, weights
+from hemispheric_models import ALGORITHMS, OFF_POLICY, arm, make_model, weights
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from bilateral_rl.envs import ArmEnv
 
 pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
-
-
-def stored_rewards(model):
-    """(n_steps, n_envs, n_streams): the rewards of the steps collected."""
-    buffer = model.replay_buffer if type(model) in OFF_POLICY else model.rollout_buffer
-    return buffer.rewards[: buffer.pos]
 
 
 def normalized(env):
@@ -27,14 +21,6 @@ def test_ordinary_environments_train_to_the_same_weights(algorithm):
     ordinary = DummyVecEnv([lambda: Monitor(ArmEnv(trial_length=7)) for _ in range(4)])
     a, b = (weights(make_model(algorithm, env=env).learn(160)) for env in (ordinary, arm()))
     assert all(torch.equal(value, b[name]) for name, value in a.items())
-
-
-@pytest.mark.filterwarnings("ignore:The environment is already wrapped with a `Monitor`")
-@pytest.mark.parametrize("wrap", [VecMonitor, VecNormalize])
-def test_wrappers_of_sb3_pass_the_reward_pair_on(algorithm, wrap):
-    env = Recorder(arm())
-    model = collect(make_model(algorithm, env=wrap(env), gamma=0.0, reward_scale=0.5))
-    np.testing.assert_allclose(stored_rewards(model), [0.5 * step[1] for step in env.steps], rtol=1e-6)
 
 
 def test_normalized_observations_are_what_the_networks_see(algorithm):

@@ -83,11 +83,13 @@ def test_observations_normalized(train, zoo, tmp_path):
     assert "Loading running average" in said
 
 
-def test_normalized_rewards_are_refused(train):
-    from bilateral_rl.io.errors import UserError
+def test_rewards_normalized(train, environments):
+    train(params="normalize:True")
+    from stable_baselines3.common.vec_env import VecNormalize
 
-    with pytest.raises(UserError, match="takes a pair of rewards, which VecNormalize does not normalize"):
-        train(params="normalize:True")
+    (env, *_) = environments
+    assert isinstance(env, VecNormalize)
+    assert env.ret_rms.count > 100
 
 
 def plots(zoo, arm):
