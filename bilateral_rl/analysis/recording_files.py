@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import itertools
 import json
+import os
 import shutil
 import tempfile
 import zipfile
@@ -68,7 +69,8 @@ def write(path: Path, parts: Iterable[Recording], n: int) -> None:
     try:
         WRITERS[path.suffix.lower()](path.resolve(), parts, n)
     except OSError as error:
-        raise UserError(f"Cannot write {path}: {error.strerror or error}.") from None
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise UserError(f"Cannot write {path}: {reason}.") from None
 
 
 def side_file(path: Path) -> Path:
@@ -175,8 +177,8 @@ def _write_netcdf(path: Path, parts: Iterable[Recording], n: int) -> None:
                     for field in part.fields:
                         file[field.name][done : done + len(part)] = _for_netcdf(part[field.name])
                     done += len(part)
-        except RuntimeError as error:  # what netCDF4 makes of a full disk
-            raise OSError(str(error)) from None
+        except RuntimeError as error:  # what netCDF4 makes of a full disk, without saying so
+            raise OSError(f"the disk may be full ({error})") from None
 
 
 def _begin_netcdf(file: Any, first: Recording, n: int) -> None:
@@ -193,7 +195,9 @@ def _begin_netcdf(file: Any, first: Recording, n: int) -> None:
     file[TIME].units = "s"
     for field in first.fields:
         variable = file.createVariable(field.name, _netcdf_type(first[field.name]), (TRIAL, *field.dims))
-        variable.units, variable.long_name = field.unit or "1", field.description
+        variable.long_name = field.description
+        if field not in LABEL_FIELDS:
+            variable.units = field.unit or "1"
     for name, value in first.metadata.items():
         file.setncattr(name, value if isinstance(value, (str, int, float)) else json.dumps(value))
     file.timestep_s = first.timestep
