@@ -55,7 +55,9 @@ def conditions(config: TrainConfig, task: str | None = None, settings: Mapping[s
     settings = settings or {}
     for name, _ in flat(settings):
         if name.split(".")[0] != "trial":
-            raise UserError(f"{name} belongs to training, and a test would not change by it: set trial.… alone.")
+            known = name in {field.name for field in dataclasses.fields(TrialSettings)}
+            hint = f"did you mean trial.{name}?" if known else "such as trial.sensory_noise."
+            raise UserError(f"{name} changes nothing in a test, which takes settings of trials alone: {hint}")
     changed_config = from_values(merge(config.to_values(), {**settings, "task": task or config.task}))
     check_trial(changed_config)
     _refuse_without_effect(config, changed_config, settings)

@@ -8,7 +8,8 @@ from typing import Any
 
 from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.recording import Recording, record
-from bilateral_rl.config.parse import plain
+from bilateral_rl.config.parse import flat, plain
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, Lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
@@ -65,6 +66,8 @@ class Recorder:
         """
         config = folder.config()
         under = conditions(config, task, settings)
+        if "trial.threshold" in dict(flat(settings or {})):
+            raise UserError("trial.threshold changes nothing in a recording, which knows of no goal: leave it out.")
         policies = load_policies(folder, weights, only)
         network = next(iter(policies.values())).motor_network
         by_name = {name: lesion_of(folder, config, network, name) for name in lesions}
@@ -93,7 +96,3 @@ class Recorder:
     def parts(self) -> Iterator[Recording]:
         """Do the trials, and yield them part by part. Raises NotFiniteError if they cannot be measured."""
         return record(self.policies, self.lesions, self.conditions, self.trials, self.seed, self.metadata)
-
-    def whole(self) -> Recording:
-        """Do the trials, and return them all at once. Raises NotFiniteError if they cannot be measured."""
-        return Recording.join(self.parts())

@@ -314,7 +314,7 @@ def render(
 def record(
     run: Run,
     out: Annotated[Path, typer.Option(help="A .csv, .npz, .parquet or .nc file (the last two: extra record).")],
-    trials: Annotated[int, typer.Option(help="Trials of each network with each lesion.")] = 100,
+    trials: Annotated[int, typer.Option(help="Trials of each network with each lesion.")] = 128,
     seed: TestSeed = TEST_SEED,
     lesions: Annotated[
         list[str] | None,

@@ -13,8 +13,9 @@ from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import printable
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.policies.lesions import INTACT, LESIONS_OF, lesion_words
+from bilateral_rl.policies.lesions import INTACT, Lesion, lesion_words
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.lesions import lesion_of
 from bilateral_rl.runs.policies import load_policies, parse_run
 from bilateral_rl.video.film import Performance
 
@@ -65,20 +66,16 @@ class Actor:
 
     def check_lesion(self, lesion: str) -> None:
         """Raise a UserError if the network cannot have ``lesion``."""
-        network = self.policy.motor_network
-        have = (INTACT, *network.available_lesions())
-        if lesion not in have:
-            raise UserError(
-                f"{self.folder.path} is {network.architecture} and cannot have the lesion {lesion}, only "
-                f"{', '.join(have)}: choose another --lesion or leave the run out."
-            )
+        self._find_lesion(lesion)
 
     def perform(self, evaluator: Evaluator, lesion: str, radius: float, label: str) -> Performance:
         """Do the trials with a lesion, that of the run's profile as in ``bilateral-rl lesion``, without exploration."""
-        lesions = LESIONS_OF[self.config.lesion_profile]
-        with self.policy.motor_network.lesioned(lesions.get(lesion, lesion)):
+        with self.policy.motor_network.lesioned(self._find_lesion(lesion)):
             record = evaluator.run(self.policy)
         return Performance(label, record, radius)
+
+    def _find_lesion(self, name: str) -> Lesion:
+        return lesion_of(self.folder, self.config, self.policy.motor_network, name)
 
 
 def labels(actors: Sequence[Actor], lesion: str) -> list[str]:

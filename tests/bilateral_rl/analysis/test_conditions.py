@@ -27,10 +27,10 @@ def test_supervised_networks_are_tested_with_noise_and_delay_too():
 @pytest.mark.parametrize(
     ("config", "task", "settings", "says"),
     [
-        (REACH, None, {"ppo": {"gamma": 0.9}}, "ppo.gamma belongs to training"),
-        (REACH, None, {"seed": 3}, "seed belongs to training"),
-        (REACH, None, {"network": {"units": 12}}, "network.units belongs to training"),
-        (REACH, None, {"gamma": 0.9}, "gamma belongs to training"),
+        (REACH, None, {"ppo": {"gamma": 0.9}}, "ppo.gamma changes nothing in a test.*such as trial.sensory_noise"),
+        (REACH, None, {"seed": 3}, "seed changes nothing in a test"),
+        (REACH, None, {"network": {"units": 12}}, "network.units changes nothing in a test"),
+        (REACH, None, {"threshold": 0.03}, r"threshold changes nothing in a test.*did you mean trial.threshold\?"),
         (REACH, None, {"trial": {"gamma": 0.9}}, "Unknown setting 'gamma' in trial"),
         (REACH, None, {"trial": 3}, "trial must be settings by name"),
         (REACH, None, {"trial": {"sensory_noise": -1}}, "trial.sensory_noise must be at least 0"),

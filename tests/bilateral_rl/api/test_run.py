@@ -48,7 +48,7 @@ def test_one_seed_can_be_named_in_every_way(loaded):
         (lambda run: run.evaluate(seed=-1), "^seed must be at least 0, got -1"),
         (lambda run: run.evaluate(lesion=["callosum"]), "Unknown lesion"),
         (lambda run: run.evaluate(task="juggle"), "Unknown task 'juggle'"),
-        (lambda run: run.evaluate(settings={"ppo.gamma": 1}), "belongs to training, and a test would not change by it"),
+        (lambda run: run.evaluate(settings={"ppo.gamma": 1}), "ppo.gamma changes nothing in a test"),
         (lambda run: run.evaluate(settings="trial.load=axes"), "^settings takes settings by name"),
         (lambda run: run.record(lesion="lobotomy"), "Unknown lesion 'lobotomy'"),
         (lambda run: run.record(trials=0), "^trials must be at least 1"),

@@ -56,11 +56,18 @@ MISTAKES = [
     (["record", RUN, "--out", "x.csv", "--seed", "-1"], "--seed"),
     (["record", RUN, "--out", "x.csv", "--lesion", "left"], "Unknown lesion 'left'"),
     (["record", RUN, "--out", "x.csv", "--task", "juggle"], "Unknown task 'juggle'"),
-    (["record", RUN, "--out", "x.csv", "--set", "bptt.learning_rate=1"], "bptt.learning_rate belongs to training"),
+    (
+        ["record", RUN, "--out", "x.csv", "--set", "bptt.learning_rate=1"],
+        "bptt.learning_rate changes nothing in a test",
+    ),
+    (
+        ["record", RUN, "--out", "x.csv", "--set", "trial.threshold=0.1"],
+        "trial.threshold changes nothing in a recording",
+    ),
     (["record", RUN, "--out", "x.csv", "--weights", "none"], "the run's weights are"),
     (["record", RUN, "--out", "nowhere/x.csv"], "Cannot write nowhere/x.csv: No such file or directory"),
     (["evaluate", RUN, "--lesion", "left"], "Unknown lesion 'left'"),
-    (["evaluate", RUN, "--set", "ppo.gamma=0.9"], "ppo.gamma belongs to training"),
+    (["evaluate", RUN, "--set", "ppo.gamma=0.9"], "ppo.gamma changes nothing in a test"),
     (["evaluate", RUN, "--set", "trial.max_load=3"], "trial.max_load changes nothing in random_reach"),
 ]
 

@@ -121,7 +121,9 @@ def test_refuses_what_cannot_be_written(show, bptt_run, tmp_path, tree):
 
 
 def test_refuses_a_lesion_that_one_of_the_networks_cannot_have(show, bptt_run, unilateral, tmp_path):
-    with pytest.raises(UserError, match="uni_b-bptt-1 is unilateral and cannot have the lesion callosum, only intact:"):
+    with pytest.raises(
+        UserError, match="uni_b-bptt-1 is unilateral and cannot have the lesion callosum; choose from intact"
+    ):
         show(bptt_run.path, unilateral, lesion="callosum")
     assert not list(tmp_path.glob("*.mp4"))
 
