@@ -12,11 +12,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
-from bilateral_rl.envs.doors import checked_seed, numbers
+from bilateral_rl.envs.doors import checked_seed, numbers, settings_for
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
-from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 
@@ -103,7 +102,8 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": render_fps(ArmParameters.timestep)}
 
     def __init__(self, task: str | Task = "random_reach", render_mode: str | None = None, **settings: Any) -> None:
-        self.batch = TrialBatch(make_task(task), TrialSettings(**settings), n=1)
+        task = make_task(task)
+        self.batch = TrialBatch(task, settings_for(task, settings), n=1)
         self.settings = self.batch.settings
         self.metadata = self.metadata | {"render_fps": render_fps(self.settings.arm.timestep)}
         low, high = self.settings.observation_bounds()

@@ -15,11 +15,10 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv
-from bilateral_rl.envs.doors import checked_seed
+from bilateral_rl.envs.doors import checked_seed, settings_for
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import SceneView, render_fps
-from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, check_array
@@ -64,7 +63,8 @@ class ArmVecEnv(RunningArms, VecEnv):
         **settings: Any,
     ) -> None:
         self.render_mode = render_mode
-        self.batch = TrialBatch(make_task(task), TrialSettings(**settings), n_envs, device)
+        task = make_task(task)
+        self.batch = TrialBatch(task, settings_for(task, settings), n_envs, device)
         self.settings, n = self.batch.settings, self.batch.n
         low, high = self.settings.observation_bounds()
         super().__init__(n, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv, with_time_limit
-from bilateral_rl.envs.doors import checked_seed, whole_number
+from bilateral_rl.envs.doors import checked_seed, settings_for, whole_number
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import MAX_DRAWN, SceneView, render_fps
-from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch
@@ -63,8 +62,9 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         **settings: Any,
     ) -> None:
-        trials = TrialSettings(**with_time_limit(settings, settings.pop("max_episode_steps", None)))
-        self.batch = TrialBatch(make_task(task), trials, num_envs, device)
+        task = make_task(task)
+        trials = settings_for(task, with_time_limit(settings, settings.pop("max_episode_steps", None)))
+        self.batch = TrialBatch(task, trials, num_envs, device)
         self.settings, self.num_envs = self.batch.settings, self.batch.n
         self.render_mode = render_mode
         self._mode = _mode(autoreset_mode)

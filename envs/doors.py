@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import operator
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,11 +16,34 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import Trials
+from bilateral_rl.envs.tasks import Task, Trials
 
 T = TypeVar("T")
 _SINGLE = 4
 """Bytes of a number in single precision."""
+
+
+_OF_LOADS = ("max_load", "load")
+"""Settings that have no effect on a task without a load."""
+
+
+def settings_for(task: Task, settings: Mapping[str, Any]) -> TrialSettings:
+    """Return the settings of an environment of ``task`` alone.
+
+    Raises:
+        ValueError: an unknown name, a value outside its range, or settings of a load where there is none.
+    """
+    chosen, default = TrialSettings(**settings), TrialSettings()
+    for name in () if task.has_load else _OF_LOADS:
+        if getattr(chosen, name) != getattr(default, name):
+            raise ValueError(f"{name} has no effect on {task.id}, whose trials have no load: leave it out.")
+    return chosen
+
+
+def arguments_for(task: Task, settings: TrialSettings) -> dict[str, Any]:
+    """Return settings as arguments of an environment of ``task``: those that have an effect there."""
+    names = [field.name for field in dataclasses.fields(settings) if task.has_load or field.name not in _OF_LOADS]
+    return {name: getattr(settings, name) for name in names}
 
 
 def checked_trials(trials: object, n: int, arm: ArmParameters) -> Trials:

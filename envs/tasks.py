@@ -31,10 +31,12 @@ class Task(ABC):
     Attributes:
         id: name in commands and run folders.
         n_uniform: uniform numbers that one trial takes.
+        has_load: whether its trials draw a load, as ``settings.load`` and ``settings.max_load`` say.
     """
 
     id: ClassVar[str]
     n_uniform: ClassVar[int] = 4
+    has_load: ClassVar[bool] = True
 
     @abstractmethod
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
@@ -54,6 +56,7 @@ class RandomReach(Task):
     """Reach from one random posture to the hand position of another; no load."""
 
     id = "random_reach"
+    has_load = False
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
         return Trials(

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import torch
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
 from bilateral_rl.analysis.recording_fields import MEASURED, OBSERVATION, STEP, TIME, Field
 from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.envs.doors import whole_number
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Trials, make_task
@@ -94,11 +96,18 @@ class Evaluator:
         trials: number of trials.
         seed: seed of the first trial.
         device: where the arms are simulated, "cpu" or a CUDA device.
+
+    Raises:
+        ValueError: an unknown task or device, or a number below its least one.
+        TypeError: settings or numbers of another kind.
     """
 
-    def __init__(self, task: str, settings: TrialSettings, trials: int, seed: int, device: str = "cpu") -> None:
+    def __init__(
+        self, task: str, settings: TrialSettings, trials: int, seed: int, device: str | torch.device = "cpu"
+    ) -> None:
         self._batch = TrialBatch(make_task(task), settings, trials, device)
-        self._seeds = [seed + i for i in range(trials)]
+        first = whole_number("seed", seed, 0)
+        self._seeds = [first + i for i in range(self._batch.n)]
 
     def run(self, policy: MotorPolicy, deterministic: bool = True) -> TrialRecord:
         """Do every trial once.

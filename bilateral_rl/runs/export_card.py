@@ -13,8 +13,10 @@ import yaml
 
 from bilateral_rl.config.catalogue import ALGORITHMS
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.doors import arguments_for
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.text import seed_range
 
 _DIGITS = 5
@@ -94,7 +96,7 @@ def _text(config: TrainConfig, measures: Sequence[Measured], tests: str) -> str:
     measured = f"{tests}{'; of the networks the mean, and from lowest to highest' if several else ''}:"
     rows = [f"| {measure.label} | {_in_words(measure)} |" for measure in measures]
     policy = f"run.policy(seed={seeds[0]})" if several else "run.policy()"
-    arguments = ", ".join(["8", f'"{config.task}"', "seed=0", *_trial_arguments(config.trial)])
+    arguments = ", ".join(["8", f'"{config.task}"', "seed=0", *_trial_arguments(config)])
     return f"""# {_name(config)}
 
 {textwrap.fill(about, _WIDTH)}
@@ -153,10 +155,11 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _trial_arguments(trial: TrialSettings) -> list[str]:
+def _trial_arguments(config: TrainConfig) -> list[str]:
     """Return the settings of trials that are not the usual ones, as arguments of an environment."""
-    changed = _changed(dataclasses.asdict(trial), dataclasses.asdict(TrialSettings()))
-    return [f"{name}={value!r}" for name, value in changed.items()]
+    changed = _changed(dataclasses.asdict(config.trial), dataclasses.asdict(TrialSettings()))
+    arguments = arguments_for(make_task(config.task), config.trial)
+    return [f"{name}={value!r}" for name, value in changed.items() if name in arguments]
 
 
 def _changed(values: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, Any]:

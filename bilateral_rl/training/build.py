@@ -12,14 +12,16 @@ from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.envs.doors import arguments_for
+from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.runs.policies import policy_arguments
 
 
 def build_algorithm(config: RLConfig) -> Hemispheric:
     """Build the algorithm, its environment and its policy, untrained."""
-    trial = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
-    env = ArmVecEnv(config.n_envs, config.task, device=config.device, **trial)
+    task = make_task(config.task)
+    env = ArmVecEnv(config.n_envs, task, device=config.device, **arguments_for(task, config.trial))
     algorithm_class = ALGORITHM_CLASSES[config.algo]
     # The orthogonal initialization of critics rounds otherwise with another number of threads.
     with torch_threads(config.threads), warnings.catch_warnings():

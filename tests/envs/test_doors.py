@@ -182,9 +182,9 @@ def test_what_arms_run_by_cannot_be_replaced_and_the_words_say_what_to_do(make, 
 
 @each_running
 def test_settings_can_be_read_by_name(make):
-    env = make(threshold=0.02, max_load=3)
+    env = make(task="hold_position", threshold=0.02, max_load=3)
     assert (env.threshold, env.max_load, env.trial_length, env.arm) == (0.02, 3, 50, ArmParameters())
-    assert env.task.id == "random_reach"
+    assert env.task.id == "hold_position"
     for copy in (env, pickle.loads(pickle.dumps(env))):
         assert copy.threshold == 0.02
         with pytest.raises(AttributeError, match="thresold"):
@@ -313,7 +313,7 @@ def test_a_device_is_a_name_or_torchs_device():
 
 def test_settings_are_numbers_of_any_kind():
     env = ArmVecEnv(
-        2,
+        2, "hold_position",
         threshold=np.float32(0.1), trial_length=torch.tensor(7), feedback_delay=np.array(2), max_load=np.int8(3),
         load=np.str_("direction"), arm={"timestep": np.float64(0.005), "link_length": (np.float32(0.3), 0.4)},
     )  # fmt: skip
