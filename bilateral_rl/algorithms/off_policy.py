@@ -15,11 +15,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import ContinuousCritic
 from stable_baselines3.common.save_util import load_from_zip_file
-from stable_baselines3.common.type_aliases import GymEnv, TensorDict
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorDict
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.arguments import OFF_POLICY
@@ -131,20 +132,40 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         super().set_parameters(parameters, exact_match, device)
 
     def load_replay_buffer(self, path: str | pathlib.Path | io.BufferedIOBase, truncate_last_traj: bool = True) -> None:
-        """Load a replay buffer as SB3 does.
+        """Load a replay buffer as SB3 does, which executes code that the file holds; its rewards get this scale.
 
         Raises:
-            ValueError: a buffer of other traces than the critics see; the present one stays.
+            ValueError: a file that holds no such buffer, or one that this model could not go on with; the present one
+                stays.
         """
         present = self.replay_buffer
-        super().load_replay_buffer(path, truncate_last_traj)
-        traces = getattr(self.replay_buffer, "action_traces", None)
-        decays = traces.decays if traces else ()
-        if decays != self.action_traces:
+        assert isinstance(present, StreamReplayBuffer)
+        try:
+            super().load_replay_buffer(path, truncate_last_traj)
+            present.check_fits(self.replay_buffer)
+        except (ValueError, OSError):
             self.replay_buffer = present
-            raise ValueError(
-                f"the replay buffer holds traces of decays {decays}, and action_traces is {self.action_traces}."
-            )
+            raise
+        except Exception as error:  # pickles raise anything
+            self.replay_buffer = present
+            raise ValueError(f"{path} holds no replay buffer: {error!r}.") from error
+        self._scale_replay_buffer()
+
+    def _scale_replay_buffer(self) -> None:
+        assert isinstance(self.replay_buffer, StreamReplayBuffer)
+        self.replay_buffer.scale_to(self.reward_scale)
+
+    def _setup_learn(
+        self,
+        total_timesteps: int,
+        callback: MaybeCallback = None,
+        reset_num_timesteps: bool = True,
+        tb_log_name: str = "run",
+        progress_bar: bool = False,
+    ) -> tuple[int, BaseCallback]:
+        prepared = super()._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+        self._scale_replay_buffer()  # which may have another scale since the last time
+        return prepared
 
     @contextlib.contextmanager
     def _telling_divergence(self) -> Iterator[None]:

@@ -54,6 +54,7 @@ class StreamReplayBuffer(ReplayBuffer):
     next_rewards: NDArray[np.float32]
     next_traces: NDArray[np.float32]
     traces: NDArray[np.float32] | None = None  # of buffers that were saved before there were any
+    reward_scale: float | None = None  # likewise: by what the algorithm has scaled the rewards
 
     def __init__(self, *args: Any, n_streams: int = 1, action_traces: Sequence[float] = (), **kwargs: Any) -> None:
         if kwargs.get("optimize_memory_usage"):
@@ -63,6 +64,45 @@ class StreamReplayBuffer(ReplayBuffer):
         self.action_traces = ActionTraces(action_traces, self.action_dim)
         size = self.action_traces.size
         self.traces = np.zeros((self.buffer_size, self.n_envs, size), dtype=np.float32) if size else None
+
+    def check_fits(self, other: object) -> None:
+        """Refuse another buffer in the place of this one.
+
+        Raises:
+            ValueError: what is no such buffer, or one of another environment, loss, size, or of other traces.
+        """
+        if not isinstance(other, StreamReplayBuffer):
+            raise ValueError(
+                f"the file holds a {type(other).__name__}, not the replay buffer of a hemispheric algorithm, which has "
+                "the rewards of every stream."
+            )
+        decays = other.action_traces.decays if hasattr(other, "action_traces") else ()
+        if decays != self.action_traces.decays:
+            raise ValueError(
+                f"the replay buffer holds traces of decays {decays}, and action_traces is {self.action_traces.decays}."
+            )
+        for what in ("observation_space", "action_space"):
+            if getattr(other, what) != getattr(self, what):
+                raise ValueError(
+                    f"the replay buffer is of another environment: its {what} is {getattr(other, what)}, not "
+                    f"{getattr(self, what)}."
+                )
+        if other.rewards.shape != self.rewards.shape:
+            names = ("steps", "environments", "streams")
+            (theirs, ours) = (
+                ", ".join(f"{n:,} {name}" for n, name in zip(buffer.rewards.shape, names, strict=True))
+                for buffer in (other, self)
+            )
+            raise ValueError(
+                f"the replay buffer is of another size or loss: it has {theirs}, and the model's has {ours}; load it "
+                "into a model of the same buffer_size, number of environments and loss."
+            )
+
+    def scale_to(self, reward_scale: float) -> None:
+        """Let all rewards, also those that are kept, be scaled by ``reward_scale``."""
+        if self.reward_scale not in (None, reward_scale):
+            self.rewards *= reward_scale / self.reward_scale
+        self.reward_scale = reward_scale
 
     def add(
         self,

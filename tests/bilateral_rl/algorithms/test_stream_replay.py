@@ -4,11 +4,16 @@ import numpy as np
 import pytest
 import torch
 from gymnasium import spaces
+from hemispheric_models import RandomEnds, arm, collect, make_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stable_baselines3 import SAC
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.vec_env import DummyVecEnv
 
+from bilateral_rl.algorithms import HemisphericSAC
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer
+from bilateral_rl.envs import ArmVecEnv
 
 OBSERVATIONS, ACTIONS = spaces.Box(-np.inf, np.inf, (3,)), spaces.Box(-1.0, 1.0, (2,))
 
@@ -74,3 +79,57 @@ def test_memory_optimization_is_refused():
         StreamReplayBuffer(
             8, OBSERVATIONS, ACTIONS, optimize_memory_usage=True, handle_timeout_termination=False, n_streams=2
         )
+
+
+def saved_buffer(tmp_path, **settings):
+    """The file of a buffer that has been filled."""
+    collect(make_model(HemisphericSAC, **settings)).save_replay_buffer(tmp_path / "buffer.pkl")
+    return tmp_path / "buffer.pkl"
+
+
+OTHERS = {
+    "another size": ({"buffer_size": 400}, "another size or loss: it has 500 steps, 4 environments, 2 streams"),
+    "another number of environments": ({"env": arm(2)}, "another size or loss"),
+    "another loss": (
+        {"loss": "combined"},
+        "it has .* 2 streams, and the model's has .* 1 streams",
+    ),
+    "other traces": ({"action_traces": (0.5,)}, r"traces of decays \(\), and action_traces is \(0.5,\)"),
+    "another environment": ({"env": DummyVecEnv([RandomEnds] * 4)}, "of another environment: its observation_space"),
+    "another arm": ({"env": ArmVecEnv(4, arm={"link_length": (0.3, 0.4)})}, "of another environment"),
+}
+
+
+@pytest.mark.parametrize(("settings", "reason"), OTHERS.values(), ids=OTHERS)
+def test_a_buffer_of_another_model_is_refused_and_the_present_one_stays(settings, reason, tmp_path):
+    path = saved_buffer(tmp_path)
+    model = make_model(HemisphericSAC, **settings)
+    present = model.replay_buffer
+    with pytest.raises(ValueError, match=reason):
+        model.load_replay_buffer(path)
+    assert model.replay_buffer is present
+
+
+def test_what_is_no_buffer_of_ours_is_refused(tmp_path):
+    model, path = make_model(HemisphericSAC), tmp_path / "buffer.pkl"
+    present = model.replay_buffer
+    SAC("MlpPolicy", arm(), buffer_size=400, device="cpu").save_replay_buffer(path)
+    with pytest.raises(ValueError, match="the file holds a ReplayBuffer, not the replay buffer of a hemispheric"):
+        model.load_replay_buffer(path)
+    path.write_bytes(saved_buffer(tmp_path).read_bytes()[:1000])
+    with pytest.raises(ValueError, match=r"buffer\.pkl holds no replay buffer"):
+        model.load_replay_buffer(path)
+    with pytest.raises(FileNotFoundError):
+        model.load_replay_buffer(tmp_path / "none.pkl")
+    assert model.replay_buffer is present
+
+
+def test_rewards_that_are_kept_follow_the_scale(tmp_path):
+    path = saved_buffer(tmp_path, reward_scale=2.0)
+    model = make_model(HemisphericSAC, reward_scale=0.5)
+    model.load_replay_buffer(path)
+    unscaled = collect(make_model(HemisphericSAC)).replay_buffer.rewards
+    np.testing.assert_allclose(model.replay_buffer.rewards, 0.5 * unscaled, rtol=1e-6)
+    model.reward_scale = 4.0
+    model._setup_learn(1)
+    np.testing.assert_allclose(model.replay_buffer.rewards, 4 * unscaled, rtol=1e-6)

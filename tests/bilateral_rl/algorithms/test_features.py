@@ -1,0 +1,61 @@
+"""A features extractor sees in training what it sees in acting, whatever the shape of observations."""
+
+import numpy as np
+import pytest
+import torch
+from gymnasium.wrappers import FrameStackObservation
+from hemispheric_models import ALGORITHMS, STOCK, make_model
+from known_pairs import KnownPairs
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from bilateral_rl.envs import ArmEnv
+
+pytestmark = pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+EVERY = [*ALGORITHMS, *STOCK.values()]
+
+
+class Seen(BaseFeaturesExtractor):
+    """Sums of the observation's columns; keeps what it is given."""
+
+    given: list[tuple[bool, torch.Tensor]]
+
+    def __init__(self, observation_space):
+        super().__init__(observation_space, features_dim=observation_space.shape[-1])
+        self.given = []
+
+    def forward(self, obs):
+        self.given.append((self.training, obs.detach().clone()))
+        return obs.sum(dim=tuple(range(1, obs.ndim - 1)))
+
+
+ENVIRONMENTS = {
+    "stacked arms": (lambda: FrameStackObservation(ArmEnv(trial_length=7), 4), (4, 16)),
+    "an image": (lambda: KnownPairs((1, 36, 36)), (1, 36, 36)),
+    "one number a row": (lambda: KnownPairs((5, 1)), (5, 1)),
+}
+
+
+@pytest.mark.parametrize("algorithm", EVERY)
+@pytest.mark.parametrize(("make", "shape"), ENVIRONMENTS.values(), ids=ENVIRONMENTS)
+def test_training_sees_what_acting_saw(algorithm, make, shape):
+    model = make_model(
+        algorithm, env=DummyVecEnv([make] * 2), policy_kwargs={"features_extractor_class": Seen}, **small(algorithm)
+    ).learn(80)
+    extractors = [module for module in model.policy.modules() if isinstance(module, Seen)]
+    given = [each for extractor in extractors for each in extractor.given]
+    assert all(obs.shape[1:] == shape for _, obs in given)
+    acted, trained = (
+        {row.numpy().tobytes() for training, obs in given if training is wanted for row in obs}
+        for wanted in (False, True)
+    )
+    assert len(acted) > 70
+    assert len(trained) > 40
+    # Off-policy, the last observation of an episode is trained on and never acted on.
+    assert len(trained - acted) <= (0 if hasattr(model, "rollout_buffer") else 80 / 7 + 2)
+    action, _ = model.predict(model.env.reset(), deterministic=True)
+    assert np.isfinite(action).all()
+
+
+def small(algorithm):
+    return {"learning_starts": 20} if hasattr(algorithm, "load_replay_buffer") else {"n_steps": 20}
