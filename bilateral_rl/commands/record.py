@@ -46,4 +46,5 @@ def record(
     for note in recorder.conditions.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     quoted = escape(shlex.quote(str(out)))
-    console.print(f"Saved {recorder.total:,} trials in [bold]{quoted}[/bold].", soft_wrap=True, highlight=False)
+    how_many = f"{recorder.total:,} trial{'s' * (recorder.total != 1)}"
+    console.print(f"Saved {how_many} in [bold]{quoted}[/bold].", soft_wrap=True, highlight=False)

@@ -54,6 +54,11 @@ def test_evaluate(cut_off, trained, tmp_path):
     assert json.loads((tmp_path / "t.json").read_text())["trials"] == 4
 
 
+def test_record(cut_off, trained, tmp_path):
+    cut_off("record", RUN, "--trials", 1, "--out", "reach.csv")
+    assert len(pd.read_csv(tmp_path / "reach.csv")) == 3 * 21
+
+
 def test_compare_models(cut_off, trained, make_run, tmp_path):
     cut_off("compare", RUN, make_run("uni_b", seeds=2).path, *FEW, "--csv", "pairs.csv")
     assert len(pd.read_csv(tmp_path / "pairs.csv")) == 1
