@@ -67,9 +67,10 @@ class RewardPairs(NamedTuple):
         raise ValueError(
             f"the reward of environment {number} is {reward:.6g} at step {step}, but the mean of its pair of rewards "
             f"is {mean:.6g}: the hemispheres learn by the pair, and what changes the reward must change it too. Put "
-            "bilateral_rl.envs.VectorReward around the wrapper that changes the reward, with a function of the step "
-            "that gives the pair (step.reward is the changed reward, step.info['vector_reward'] the pair before); a "
-            "factor on both is reward_scale, and VecNormalize(norm_reward=True) scales both alike."
+            "bilateral_rl.envs.VectorReward around the wrapper that changes the reward, or VecVectorReward around a "
+            "VecEnvWrapper that does, with a function of the step that gives the pair (step.reward is the changed "
+            "reward, step.info['vector_reward'] the pair before); a factor on both is reward_scale, and "
+            "VecNormalize(norm_reward=True) scales both alike."
         )
 
 

@@ -26,7 +26,7 @@ from stable_baselines3.common.vec_env import (
     VecTransposeImage,
 )
 
-from bilateral_rl.envs import VectorReward
+from bilateral_rl.envs import VectorReward, VecVectorReward
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:The environment is already wrapped with a `Monitor`"),
@@ -45,6 +45,11 @@ def double_pair(step):
 
 def doubled_with_its_pair(env):
     return VectorReward(doubled(env), double_pair)
+
+
+def three_to_one(env):
+    """``VecVectorReward`` whose first reward is three times as large."""
+    return VecVectorReward(env, lambda step: np.array([info["vector_reward"] for info in step.info]) * (3, 1))
 
 
 SAME, DOUBLE, HALF, TENFOLD, ONE_SIDE = (1, 1), (2, 2), (0.5, 0.5), (10, 10), (3, 1)
@@ -66,6 +71,14 @@ TRAINS = {
     "VectorReward around TransformReward": (lambda: two(doubled_with_its_pair), DOUBLE, np.inf),
     "an own pair in infos": (lambda: OwnPair(two()), TENFOLD, np.inf),
     "an own pair in infos, then SB3's": (lambda: VecMonitor(VecCheckNan(OwnPair(two()))), TENFOLD, np.inf),
+    "VecVectorReward": (lambda: three_to_one(two()), ONE_SIDE, np.inf),
+    "VecVectorReward around an own pair in infos": (
+        lambda: three_to_one(OwnPair(two())),
+        (30, 10),
+        np.inf,
+    ),
+    "VecNormalize around VecVectorReward": (lambda: half(three_to_one(two())), (1.5, 0.5), 1.5),
+    "VecMonitor around VecVectorReward": (lambda: VecMonitor(three_to_one(two())), ONE_SIDE, np.inf),
     "VecNormalize around an own pair in infos": (lambda: half(OwnPair(two())), (5, 5), 1.5),
     "an own last_vector_reward": (lambda: OwnAttribute(two()), ONE_SIDE, np.inf),
     "an own last_vector_reward, then SB3's": (lambda: VecMonitor(half(OwnAttribute(two()))), (1.5, 0.5), 1.5),

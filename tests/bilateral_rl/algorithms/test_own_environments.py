@@ -6,12 +6,12 @@ import pytest
 import torch
 from gymnasium import spaces
 from hemispheric_models import ALGORITHMS, make_model
-from pendulum import make_pendulum
+from pendulum import make_pendulum, reward_pairs
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 
 from bilateral_rl.algorithms import HemisphericPPO, HemisphericSAC, HemisphericTD3
-from bilateral_rl.envs import VectorReward
+from bilateral_rl.envs import VectorReward, VecVectorReward
 
 pytestmark = pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 EACH_ALGORITHM = pytest.mark.parametrize("algorithm", ALGORITHMS)
@@ -33,6 +33,24 @@ def test_it_learns_on_a_pendulum_from_both_streams(algorithm, tmp_path):
     assert actions.shape == (20, 1)
     assert (np.abs(actions) <= 2).all()
     np.testing.assert_array_equal(loaded.predict(observations, deterministic=True)[0], actions)
+
+
+@pytest.mark.parametrize("algorithm", [HemisphericPPO, HemisphericSAC])
+def test_it_learns_the_same_from_pairs_that_are_computed_for_all_pendulums_at_once(algorithm):
+    one_by_one = make_vec_env(make_pendulum, 2, seed=0, env_kwargs={"max_episode_steps": 20})
+    at_once = VecVectorReward(
+        make_vec_env("Pendulum-v1", 2, seed=0, env_kwargs={"max_episode_steps": 20}), reward_pairs
+    )
+    models = [make_model(algorithm, env=env).learn(120) for env in (one_by_one, at_once)]
+    states = [model.policy.motor_network.state_dict() for model in models]
+    fresh = make_model(algorithm, env=at_once).policy.motor_network.state_dict()
+    for name, value in states[0].items():
+        assert not torch.equal(value, fresh[name])
+        torch.testing.assert_close(states[1][name], value, rtol=1e-3, atol=1e-4)
+    episodes = [list(model.ep_info_buffer) for model in models]
+    assert len(episodes[0]) == len(episodes[1]) >= 4
+    for mine, theirs in zip(*episodes, strict=True):
+        assert mine["dominant"] == pytest.approx(theirs["dominant"], rel=1e-4)
 
 
 class Anything(gymnasium.Env):
