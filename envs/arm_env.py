@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.doors import checked_seed, numbers, settings_for
 from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
 from bilateral_rl.envs.tasks import Task, Trials, make_task
@@ -196,6 +197,6 @@ def _trial_from_options(options: dict[str, Any]) -> Trials | None:
     values = {name: numbers(name, value) for name, value in options.items()}
     for name, value in values.items():
         if value.shape != (2,) or not np.isfinite(value).all():
-            raise ValueError(f"{name} must be two finite numbers, got {options[name]!r}.")
+            raise ValueError(f"{name} must be two finite numbers, got {shown(options[name])}.")
     start = values["start"]
     return Trials(start=start, goal=values.get("goal", start), load=values.get("load", np.zeros(2, dtype=np.float32)))

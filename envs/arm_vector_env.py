@@ -14,6 +14,7 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv, with_time_limit
 from bilateral_rl.envs.doors import checked_seed, settings_for, whole_number
 from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import MAX_DRAWN, SceneView, render_fps
 from bilateral_rl.envs.tasks import Task, make_task
@@ -165,9 +166,9 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
             return np.ones(self.num_envs, dtype=np.bool_)
         mask = options["reset_mask"]
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            raise TypeError(f"reset_mask must be a NumPy array of bool, got {mask!r}.")
+            raise TypeError(f"reset_mask must be a NumPy array of bool, got {shown(mask)}.")
         if mask.shape != (self.num_envs,) or not mask.any():
-            raise ValueError(f"reset_mask must choose one or more of {self.num_envs} arms, got {mask!r}.")
+            raise ValueError(f"reset_mask must choose one or more of {self.num_envs} arms, got {shown(mask)}.")
         return mask.copy()
 
     def _start(self, arms: Mask) -> None:
@@ -198,4 +199,4 @@ def _mode(name: str | AutoresetMode) -> AutoresetMode:
         return AutoresetMode(name)
     except ValueError:
         known = ", ".join(repr(mode.value) for mode in AutoresetMode)
-        raise ValueError(f"unknown autoreset_mode {name!r}; choose from {known}.") from None
+        raise ValueError(f"unknown autoreset_mode {shown(name)}; choose from {known}.") from None

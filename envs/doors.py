@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
+from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials
 
@@ -119,7 +120,7 @@ def checked_arms(arms: object, n: int) -> NDArray[np.int32]:
     else:
         ordered = array
     if array.ndim != 1 or len(ordered) < len(array) or (array.size and not 0 <= ordered[0] <= ordered[-1] < n):
-        raise ValueError(f"arms must be different numbers from 0 to {n - 1}, in one row, got {array!r}.")
+        raise ValueError(f"arms must be different numbers from 0 to {n - 1}, in one row, got {shown(array)}.")
     return array.astype(np.int32)
 
 
@@ -131,7 +132,7 @@ def whole_number(name: str, value: object, least: int) -> int:
         ValueError: a number below ``least``.
     """
     if isinstance(value, (bool, np.bool_)) or not hasattr(value, "__index__"):
-        raise TypeError(f"{name} must be a whole number, got {value!r}.")
+        raise TypeError(f"{name} must be a whole number, got {shown(value)}.")
     number = operator.index(value)  # type: ignore[arg-type]
     if number < least:
         raise ValueError(f"{name} must be at least {least}, got {number}.")

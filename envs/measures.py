@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bilateral_rl.envs.doors import numbers
+
 if TYPE_CHECKING:
     from bilateral_rl.envs.trials import TrialBatch
 
@@ -52,13 +54,24 @@ def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: fl
         distance: (n, T), hand to target after each step (m).
         start_distance: (n,), hand to target at the start (m).
         threshold: radius of the goal (m).
+
+    Raises:
+        TypeError: no numbers.
+        ValueError: other shapes, or no step.
     """
-    distance = np.asarray(distance, dtype=np.float64)
+    distance, start_distance = (
+        numbers(name, values).astype(np.float64)
+        for name, values in (("distance", distance), ("start_distance", start_distance))
+    )
+    if distance.ndim != 2 or not distance.shape[1] or start_distance.shape != distance.shape[:1]:
+        raise ValueError(
+            "distance must have shape (n, T), with a step at least, and start_distance (n,), got "
+            f"{distance.shape} and {start_distance.shape}."
+        )
     inside = distance <= threshold
     stays = _runs_start(inside, STEPS_TO_COMPLETE)
     completed = np.asarray(stays.any(axis=1))
     steps = np.where(completed, stays.argmax(axis=1) + 1, np.nan) if stays.shape[1] else np.full(len(inside), np.nan)
-    start_distance = np.asarray(start_distance, dtype=np.float64)
     return TrialMeasures(
         goal_completion=completed,
         speed_to_goal=start_distance / steps,

@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 T = TypeVar("T")
+_LONGEST = 100
+"""Letters of a value that a sentence shows."""
 
 
 def refusing_in_a_sentence(cls: type[T]) -> type[T]:
@@ -48,13 +50,13 @@ def refusal(cls: type[Any], errors: ValidationError) -> str:
         return f"{name}{separator if name else ''}{error['ctx']['error']}."
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
-        return f"Unknown {name} {value!r}; choose from {choices}."
+        return f"Unknown {name} {shown(value)}; choose from {choices}."
     context: dict[str, object] = {"length": len(typing.get_args(_field_type(cls, path)))}
-    context |= {key: _shown(bound) for key, bound in error.get("ctx", {}).items()}
+    context |= {key: shown(bound) for key, bound in error.get("ctx", {}).items()}
     for beginning, expected in _EXPECTED.items():
         if kind.startswith(beginning):
-            return f"{name} must be {expected.format_map(context)}, got {_shown(value)}."
-    return f"{name} cannot be {_shown(value)}: {error['msg']}."
+            return f"{name} must be {expected.format_map(context)}, got {shown(value)}."
+    return f"{name} cannot be {shown(value)}: {error['msg']}."
 
 
 _EXPECTED = {
@@ -88,7 +90,12 @@ def _names(cls: type[Any]) -> set[str]:
     return {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set()
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """Return what was given as it stands in a sentence: numbers with their thousands apart, and nothing too long."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
-    return f"{value:,}" if type(value) in (int, float) else repr(value)
+    text = f"{value:,}" if type(value) in (int, float) else " ".join(repr(value).split())
+    if len(text) <= _LONGEST:
+        return text
+    shape = f" of shape {value.shape}" if hasattr(value, "shape") else ""
+    return f"{type(value).__name__}{shape}, {text[:_LONGEST]}…"

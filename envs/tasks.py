@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.refusals import shown
+
 if TYPE_CHECKING:
     from bilateral_rl.envs.settings import TrialSettings
 
@@ -86,7 +88,7 @@ def make_task(task: str | Task) -> Task:
     if isinstance(task, type) and issubclass(task, Task):
         raise TypeError(f"a task is an object of its class: give {task.__name__}(), not {task.__name__}.")
     if not isinstance(task, str) or task not in TASKS:
-        raise ValueError(f"unknown task {task!r}; choose from {', '.join(TASKS)}.")
+        raise ValueError(f"unknown task {shown(task)}; choose from {', '.join(TASKS)}.")
     return TASKS[task]()
 
 

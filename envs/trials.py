@@ -13,6 +13,7 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
 from bilateral_rl.envs.arm.warp_start import known_device
 from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renewed, whole_number
+from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.reward import stream_weights
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials
@@ -103,7 +104,7 @@ class TrialBatch:
         self, task: Task, settings: TrialSettings, n: SupportsIndex, device: str | torch.device = "cpu"
     ) -> None:
         if not isinstance(task, Task):
-            raise TypeError(f"task must be a Task, got {task!r}.")
+            raise TypeError(f"task must be a Task, got {shown(task)}.")
         settings, n, device = renewed(settings, TrialSettings), _n_arms(n), known_device(device)
         self.__dict__.update(task=task, settings=settings, n=n, device=device)
         self._n_uniform = whole_number("n_uniform of a task", task.n_uniform, 0)

@@ -13,6 +13,8 @@ from typing import Any
 import torch
 import warp as wp
 
+from bilateral_rl.envs.refusals import shown
+
 _BLOCK = 32
 """Threads of a block on CUDA: a warp, so that a few long threads are spread over many processors."""
 
@@ -45,7 +47,7 @@ def known_device(device: object) -> str:
             raise ValueError(chosen)
         name = str(wp.get_device("cpu" if chosen.type == "cpu" else str(chosen)))
     except (RuntimeError, TypeError, ValueError):
-        raise ValueError(f"device must be 'cpu' or a CUDA device of this machine, got {device!r}.") from None
+        raise ValueError(f"device must be 'cpu' or a CUDA device of this machine, got {shown(device)}.") from None
     return name
 
 
