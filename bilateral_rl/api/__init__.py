@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from bilateral_rl.api.comparison import Comparison, compare
     from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs
+    from bilateral_rl.api.plots import plot_curves, plot_lesions, plot_muscles, plot_paths, plot_speeds
     from bilateral_rl.api.rendering import render
     from bilateral_rl.api.reproduction import Reproduction, reproduce
     from bilateral_rl.api.run import Run, load
@@ -39,6 +40,11 @@ MODULES = {
     "import_model": "importing",
     "list_runs": "listing",
     "load": "run",
+    "plot_curves": "plots",
+    "plot_lesions": "plots",
+    "plot_muscles": "plots",
+    "plot_paths": "plots",
+    "plot_speeds": "plots",
     "render": "rendering",
     "reproduce": "reproduction",
     "sweep": "sweeping",
@@ -54,6 +60,11 @@ __all__ = [
     "import_model",
     "list_runs",
     "load",
+    "plot_curves",
+    "plot_lesions",
+    "plot_muscles",
+    "plot_paths",
+    "plot_speeds",
     "render",
     "reproduce",
     "sweep",

@@ -24,4 +24,6 @@ def learning_curves(run: Run) -> pd.DataFrame:
         raise UserError(f"{run.path} does not say how it learned: it has no {path.name}.") from None
     if "seed" not in table:
         table.insert(0, "seed", config.seed)
+    for name, value in (("algo", config.algo), ("task", config.task), ("model", config.model)):
+        table.insert(0, name, value)
     return table[table["seed"].isin(run.seeds)].reset_index(drop=True)

@@ -331,14 +331,14 @@ class Run:
 
     @in_python
     def curves(self) -> pd.DataFrame:
-        """Return how the networks learned.
+        """Return how the networks learned; :func:`plot_curves` draws it.
 
         Returns:
-            Of reinforcement learning a row an evaluation, with columns ``seed``, ``timesteps`` (environment steps),
-            ``goal_completion_percent``, ``speed_to_goal_cm_per_step``, ``time_in_goal_steps``, ``final_error_cm``, at
-            the run's own radius of the goal, returns, and what each side supplies. Of supervised training a row an
-            epoch: ``seed``, ``epoch``, the losses and gradient norms of each group, ``validation_loss``, and the same
-            measures on the validation trials.
+            Columns ``model``, ``task``, ``algo`` and ``seed``; then, of reinforcement learning, a row an evaluation:
+            ``timesteps`` (environment steps of the seed), ``goal_completion_percent``, ``speed_to_goal_cm_per_step``,
+            ``time_in_goal_steps`` and ``final_error_cm``, at the run's own radius of the goal, returns, and what each
+            side supplies. Of supervised training a row an epoch: ``epoch``, the loss of each stream, the gradient's
+            norm of each group of parameters, ``validation_loss``, and the same measures on the validation trials.
 
         Raises:
             UserError: the run does not say, as one that was imported, or its table is damaged.

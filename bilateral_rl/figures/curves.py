@@ -18,6 +18,7 @@ from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.figures.labels import axis_label, model_label
 from bilateral_rl.figures.style import (
     families,
+    in_order,
     legend_above,
     model_style,
     new_figure,
@@ -93,6 +94,25 @@ def learning_curves(
         "Thin from the marker on, where fewer than half of the seeds still train.",
     )
     return figure
+
+
+def draw_curves(axes: Axes, history: pd.DataFrame, measure: HistoryColumn) -> None:
+    """Draw one measure of models as they learn into ``axes``, as a panel of :func:`learning_curves`, with a legend.
+
+    Args:
+        axes: where to draw.
+        history: as for :func:`learning_curves`, with one of the columns of ``PROGRESS``.
+        measure: what to draw.
+    """
+    progress = next(name for name in PROGRESS if name in history)
+    for model in in_order(history["model"]):
+        _curve(axes, history[history["model"] == model], model, measure.name, progress)
+    if measure.logarithmic:
+        _set_logarithmic(axes)
+    style_axes(axes, PROGRESS[progress], axis_label(measure))
+    axes.xaxis.set_major_formatter(EngFormatter())
+    _limit(axes, history[measure.name])
+    legend_above(axes, columns=2)
 
 
 def carried_forward(rows: pd.DataFrame, measure: str, progress: str) -> pd.DataFrame:

@@ -17,6 +17,7 @@ from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
 from bilateral_rl.figures.style import (
     FAINT,
     INK,
+    TEXT_SIZE,
     ModelStyle,
     new_figure,
     set_note,
@@ -64,21 +65,66 @@ def lesion_effects(
     all_axes = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     means: list[Interval] = []
     for axes, (model, part) in zip(all_axes, panels, strict=True):
-        for x, lesion in enumerate(lesions):
-            means += _draw_place(axes, x, rows, metric, [State(task, model, lesion, name) for name in part], styles)
-        _draw_intact_mean(axes, rows, metric, State(task, model, protocol=first))
-        _style_panel(axes, len(lesions), axis_label(metric), model_label(model) if part[0] == first else "")
+        places = [[State(task, model, lesion, name) for name in part] for lesion in lesions]
+        means += _draw_panel(axes, rows, metric, places, State(task, model, protocol=first), styles)
+        style_axes(axes, y_label=axis_label(metric), title=model_label(model) if part[0] == first else "")
     all_axes[-1].set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
-    _set_legend(figure, f"{task_label(task)}: lesions", styles, has_control)
+    set_title_and_legend(figure, f"{task_label(task)}: lesions", *_legend(styles, has_control))
     dash = "" if all(mean.n for mean in means) else " –: no value."
     set_note(figure, f"{marks_in_words(means)}\nDashed line: mean of the intact network.{dash}")
     return figure
+
+
+def draw_lesions(axes: Axes, results: pd.DataFrame, task: str, metric: MetricLike, model: str) -> None:
+    """Draw a metric of one model after each lesion into ``axes``, as a panel of :func:`lesion_effects`, with a legend.
+
+    Args:
+        axes: where to draw; as wide as the lesions need.
+        results: table of :mod:`bilateral_rl.analysis.results`.
+        task: which of its tasks.
+        metric: what to draw.
+        model: of which of its models.
+    """
+    rows = results[(results["task"] == task) & (results["metric"] == metric.name) & (results["model"] == model)]
+    lesions = [lesion for lesion in (INTACT, *LESIONS) if lesion in set(rows["lesion"])]
+    styles = protocol_styles(protocols_in(rows))
+    places = [[State(task, model, lesion, name) for name in styles] for lesion in lesions]
+    _draw_panel(axes, rows, metric, places, State(task, model, protocol=next(iter(styles))), styles)
+    style_axes(axes, y_label=axis_label(metric))
+    axes.set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
+    handles, words = _legend(styles, bool((rows["network"] == FRESH).any()))
+    axes.legend(handles, words, loc="lower center", bbox_to_anchor=(0.5, 1), fontsize=TEXT_SIZE, frameon=False)
 
 
 def _parts(protocols: Sequence[str]) -> list[Sequence[str]]:
     """Split protocols evenly into as few panels as can hold them."""
     n = max(1, -(-len(protocols) // _MOST_COLUMNS))
     return [protocols[len(protocols) * i // n : len(protocols) * (i + 1) // n] for i in range(n)]
+
+
+def _draw_panel(
+    axes: Axes,
+    rows: pd.DataFrame,
+    metric: MetricLike,
+    places: Sequence[Sequence[State]],
+    intact: State,
+    styles: Mapping[str, ModelStyle],
+) -> list[Interval]:
+    """Draw a place for each lesion, a column for each of its states; the line of the intact networks; the limits.
+
+    Returns:
+        The means.
+    """
+    means: list[Interval] = []
+    for x, states in enumerate(places):
+        means += _draw_place(axes, x, rows, metric, states, styles)
+    mean = mean_interval(by_seed(rows, metric.name, intact)).value
+    axes.axhline(mean, color=INK, linewidth=0.8, linestyle=(0, (5, 3)), gid="intact")
+    middle, reach = (len(places) - 1) / 2, max(len(places), _LEAST_PLACES) / 2 + 0.05
+    axes.set_xlim(middle - reach, middle + reach)
+    for place in range(1, len(places)):
+        axes.axvline(place - 0.5, color=FAINT, linewidth=0.6, zorder=0)
+    return means
 
 
 def _draw_place(
@@ -105,20 +151,8 @@ def _draw_place(
     return means
 
 
-def _draw_intact_mean(axes: Axes, rows: pd.DataFrame, metric: MetricLike, intact: State) -> None:
-    mean = mean_interval(by_seed(rows, metric.name, intact)).value
-    axes.axhline(mean, color=INK, linewidth=0.8, linestyle=(0, (5, 3)), gid="intact")
-
-
-def _style_panel(axes: Axes, n_places: int, y_label: str, title: str) -> None:
-    style_axes(axes, y_label=y_label, title=title)
-    middle, reach = (n_places - 1) / 2, max(n_places, _LEAST_PLACES) / 2 + 0.05
-    axes.set_xlim(middle - reach, middle + reach)
-    for place in range(1, n_places):
-        axes.axvline(place - 0.5, color=FAINT, linewidth=0.6, zorder=0)
-
-
-def _set_legend(figure: Figure, title: str, styles: Mapping[str, ModelStyle], has_control: bool) -> None:
+def _legend(styles: Mapping[str, ModelStyle], has_control: bool) -> tuple[list[Line2D], list[str]]:
+    """Return the handles of protocols, and of their control, and what they are called."""
     handles = [
         Line2D([], [], linestyle="", marker=style.marker, markersize=5.5, color=style.color, markeredgecolor=INK,
                markeredgewidth=0.7)
@@ -128,4 +162,4 @@ def _set_legend(figure: Figure, title: str, styles: Mapping[str, ModelStyle], ha
     if has_control:
         handles.append(Line2D([], [], color=CONTROL_COLOR, linewidth=1.5))
         words.append("fresh networks, treated alike")
-    set_title_and_legend(figure, title, handles, words)
+    return handles, words

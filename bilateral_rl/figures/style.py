@@ -124,6 +124,6 @@ def marker_handle(marker: str, filled: bool) -> Line2D:
     return Line2D([], [], linestyle="", marker=marker, markersize=6, color=INK, markerfacecolor=face)
 
 
-def legend_above(axes: Axes) -> None:
+def legend_above(axes: Axes, columns: int = 1) -> None:
     """Draw the legend of ``axes`` in the place of its title."""
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize=TEXT_SIZE, frameon=False)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), fontsize=TEXT_SIZE, frameon=False, ncols=columns)

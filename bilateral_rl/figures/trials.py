@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from bilateral_rl.analysis.kinematics import hand_speed
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
 from bilateral_rl.figures.labels import model_label
+from bilateral_rl.figures.recordings import draw_paths
 from bilateral_rl.figures.style import (
     families,
     in_order,
@@ -42,21 +42,8 @@ def hand_paths(record: TrialRecord, radius: float, reach: float, n_trials: int =
     figure = Figure(figsize=(5, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    axes.add_patch(Circle((0, 0), 100 * reach, fill=False, color="0.85"))
-    for i, (path, target) in enumerate(zip(100 * record.hand[:n_trials], 100 * record.target[:n_trials], strict=True)):
-        color = f"C{i % 10}"
-        axes.add_patch(Circle(tuple(target), 100 * radius, color=color, alpha=0.2, linewidth=0))
-        axes.plot(*path.T, color=color, linewidth=1.5)
-        axes.plot(*path[0], "o", color=color, markersize=5)
-    axes.plot(0, 0, "k+", markersize=8)
-    limit = 105 * reach
-    lowest = 100 * min(record.hand[:n_trials, :, 1].min(), record.target[:n_trials, 1].min() - radius)
-    # Most arms keep above the shoulder; joints with other ranges may reach anywhere.
-    axes.set(xlim=(-limit, limit), ylim=(min(-0.35 * limit, 1.05 * lowest), limit), aspect="equal")
-    axes.set(xlabel="hand x (cm), shoulder at +", ylabel="hand y (cm)")
+    draw_paths(axes, record.hand[:n_trials], record.target[:n_trials], radius, reach)
     axes.set_title(f"Hand paths of {min(n_trials, len(record.hand))} trials", fontsize=10)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
     return figure
 
 

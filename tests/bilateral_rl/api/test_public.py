@@ -21,6 +21,11 @@ SIGNATURES = {
     "import_model": "(model, task, *, trust_pickle=False, settings=None, out='runs')",
     "list_runs": "(out='runs')",
     "load": "(run, seed=None)",
+    "plot_curves": "(curves, ax=None, *, measure=None)",
+    "plot_lesions": "(results, ax=None, *, metric=None, model=None)",
+    "plot_muscles": "(recording, ax=None, *, seed=None, lesion=None)",
+    "plot_paths": "(recording, ax=None, *, trials=12, seed=None, lesion=None)",
+    "plot_speeds": "(recording, ax=None)",
     "render": f"(*runs, out=None, {FILM})",
     "reproduce": "(algo='bptt', profile='paper', models=None, *, seeds=None, quick=False, jobs=None, ray=None, "
     "settings=None, readings=None, out=None, progress=True)",

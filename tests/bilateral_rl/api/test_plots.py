@@ -1,0 +1,115 @@
+"""Figures in a given axis: what they show, and what they refuse."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+import bilateral_rl as brl
+from bilateral_rl.analysis.kinematics import hand_speed
+from bilateral_rl.analysis.results import State, by_seed
+from bilateral_rl.io.errors import UserError
+
+
+@pytest.fixture
+def ax():
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    return figure.subplots()
+
+
+@pytest.fixture
+def recording(loaded):
+    return loaded.record(5, lesion=["intact", "callosum"], progress=False)
+
+
+@pytest.fixture
+def results(loaded):
+    return loaded.lesion(["callosum", "deep_dominant"], "none", trials=4, progress=False)
+
+
+def test_paths_are_of_one_network_and_lesion(recording, ax):
+    assert brl.plot_paths(recording, ax, seed=1, lesion="callosum", trials=3) is ax
+    rows = (recording["seed"] == 1) & (recording["lesion"] == "callosum")
+    paths = [line for line in ax.lines if len(line.get_xdata()) > 1]
+    for line, hand in zip(paths, recording["hand"][rows][:3], strict=True):
+        np.testing.assert_allclose(np.transpose(line.get_data()), 100 * hand, rtol=1e-6)
+    goals = [patch for patch in ax.patches if patch.get_fill()]
+    np.testing.assert_allclose([goal.center for goal in goals], 100 * recording["target"][rows][:3], rtol=1e-6)
+    assert {goal.radius for goal in goals} == {5.0}
+    assert ax.get_title() == "3 trials, seed 1, callosum"
+
+
+def test_speeds_have_a_line_a_lesion(recording, ax):
+    assert brl.plot_speeds(recording, ax) is ax
+    assert [line.get_label() for line in ax.lines] == ["intact", "callosum"]
+    of_intact = recording["hand"][recording["lesion"] == "intact"]
+    assert len(of_intact) == 3 * 5
+    mean = 100 * hand_speed(of_intact, recording.timestep).mean(axis=0)
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), mean, rtol=1e-6)
+    np.testing.assert_allclose(ax.lines[0].get_xdata()[:2], [5, 15])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Time (ms)", "Hand speed (cm/s)")
+
+
+def test_muscles_have_a_line_each(recording, ax):
+    assert brl.plot_muscles(recording, ax, seed=0, lesion="intact") is ax
+    rows = (recording["seed"] == 0) & (recording["lesion"] == "intact")
+    means = recording["activation"][rows].mean(axis=0)
+    assert [line.get_label() for line in ax.lines][::5] == ["pectoralis", "triceps long"]
+    np.testing.assert_allclose([line.get_ydata() for line in ax.lines], means.T, rtol=1e-6)
+    assert len({(line.get_color(), line.get_linestyle(), line.get_marker()) for line in ax.lines}) == 6
+
+
+def test_lesions_are_the_means_of_the_table(results, ax):
+    assert brl.plot_lesions(results, ax, metric="final_error") is ax
+    means = [line.get_ydata()[0] for line in ax.lines if line.get_gid() == "mean"]
+    states = [State("random_reach", "cc_s", lesion) for lesion in ("intact", "deep_dominant", "callosum")]
+    assert means == pytest.approx([by_seed(results, "final_error", state).mean() for state in states])
+    assert [tick.get_text().replace("\n", " ") for tick in ax.get_xticklabels()] == [
+        "intact", "deep dominant", "callosum",
+    ]  # fmt: skip
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
+        "without retraining", "fresh networks, treated alike",
+    ]  # fmt: skip
+
+
+def test_curves_are_means_over_seeds_of_each_model(loaded, ax):
+    curves = loaded.curves()
+    assert brl.plot_curves(pd.concat([curves, curves.assign(model="bi_s")]), ax, measure="validation_loss") is ax
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["Bi-S", "CC-S"]
+    (line,) = [line for line in ax.lines if line.get_gid() == "cc_s"]
+    first = curves[curves["epoch"] == 1]["validation_loss"].mean()
+    assert line.get_ydata()[0] == pytest.approx(first)
+    assert ax.get_yscale() == "log"
+
+
+def test_without_an_axis_there_is_a_new_figure(recording, monkeypatch):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    axes = [brl.plot_speeds(recording) for _ in range(2)]
+    assert axes[0].figure is not axes[1].figure
+    assert {one.figure for one in axes} <= {pyplot.figure(number) for number in pyplot.get_fignums()}
+    pyplot.close("all")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (lambda r, t: brl.plot_paths(r), r"There are several \(0, 1, 2\): say which seed"),
+        (lambda r, t: brl.plot_paths(r, seed=0), r"There are several \(intact, callosum\): say which lesion"),
+        (lambda r, t: brl.plot_muscles(r, seed=7, lesion="intact"), "There is no seed 7; choose from 0, 1, 2"),
+        (lambda r, t: brl.plot_paths(r, seed=0, lesion="intact", trials=0), "^trials must be at least 1"),
+        (lambda r, t: brl.plot_speeds(t), "recording must be one, as `run.record"),
+        (lambda r, t: brl.plot_speeds(r, [1]), "ax must be one axis of matplotlib, such as axes.0., not list"),
+        (lambda r, t: brl.plot_lesions(r), "results must be a table of lesions"),
+        (lambda r, t: brl.plot_lesions(t, metric="hold_speed"), "The table has no hold_speed; choose a metric from"),
+        (lambda r, t: brl.plot_lesions(t, model="bi_s"), "There is no model bi_s; choose from cc_s"),
+        (lambda r, t: brl.plot_curves(t), "have no axis in common|curves must be"),
+    ],
+)
+def test_a_slip_is_a_sentence(recording, results, wrong, says):
+    with pytest.raises(UserError, match=says):
+        wrong(recording, results)
