@@ -1,31 +1,21 @@
-"""Every lesion of trained networks as a table of pandas, and a figure."""
+"""Every lesion of trained networks as a table of pandas, tests, and a figure."""
 
-from pathlib import Path
+import matplotlib.pyplot as plt
 
-from bilateral_rl.analysis.metrics import find_metric
-from bilateral_rl.config.resolve import resolve
-from bilateral_rl.figures.lesions import lesion_effects
-from bilateral_rl.figures.saving import save
-from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
-from bilateral_rl.training.run import train
+import bilateral_rl as brl
 
 SEEDS, EPOCHS, TRIALS = 3, 2, 640  # the paper: 10, 100, 6400
 TESTS = 128  # trials of each test; the commands take 1024
 
-# A run to lesion; RunFolder.open("runs/random_reach/cc_s-bptt-1") is one that you have.
-settings = {"seeds": SEEDS, "epochs": EPOCHS, "bptt": {"trials": TRIALS}}
-run = train(resolve("bptt", "random_reach", [settings], model="cc_s"), Path("runs/examples")).folder
+# Runs to lesion. If you have one, brl.load("runs/random_reach/cc_s-bptt-1") is that.
+run = brl.train("bptt", "cc_s", epochs=EPOCHS, seeds=SEEDS, settings={"bptt.trials": TRIALS}, out="runs/examples")
 
-# Intact and seven lesions: not retrained, the output layer retrained for an epoch, or everything. One row a value; its
-# columns are model, task, algo, seed, lesion, network ("fresh": the control, which had learned nothing), protocol, what
-# that comes to in numbers, metric and value. `bilateral-rl lesion` writes this table as lesions.csv.
-study = LesionStudy(run, LesionSettings(trials=TESTS, retraining_trials=TRIALS))
-results = study.run()
-
-metric = find_metric("goal_completion_5cm")
-rows = results[(results["metric"] == metric.name) & (results["network"] == "trained")]
+# Intact and seven lesions: not retrained, or with everything retrained for an epoch of the training's number of trials.
+# One row a value; "fresh" networks are the control, which had learned nothing.
+results = run.lesion(retrain=["none", "everything"], trials=TESTS)
+rows = results.query("metric == 'goal_completion_5cm' and network == 'trained'")
 table = rows.pivot_table(index="lesion", columns="protocol", values="value", aggfunc=["mean", "std"], sort=False)
-print(f"{metric.label} ({metric.unit})", table.round(1), sep="\n")
+print("Goal completion within 5 cm (%)", table.round(1), sep="\n")
 
 # What is left when one hemisphere works alone is what the other one's deep lesion leaves.
 alone = {"dominant": "deep_non_dominant", "non-dominant": "deep_dominant"}
@@ -33,5 +23,10 @@ for side, lesion in alone.items():
     seeds = rows[(rows["lesion"] == lesion) & (rows["protocol"] == "everything")].set_index("seed")["value"]
     print(f"the {side} hemisphere alone, everything retrained, by seed: {seeds.round(1).to_dict()}")
 
-for file in save(lesion_effects(results, "random_reach", metric, ["cc_s"]), Path("lesion_study")):
-    print("saved", file)
+# Each lesion against each other, paired by seed, adjusted for all pairs.
+pairs = brl.compare(results, retrain="everything").pairs
+print(pairs[["first", "second", "difference", "p_holm"]].round(3).head())
+
+figure, axis = plt.subplots(figsize=(8, 4), layout="constrained")
+brl.plot_lesions(results, ax=axis)
+figure.savefig("lesion_study.png")
