@@ -22,8 +22,13 @@ if TYPE_CHECKING:
     from bilateral_rl import algorithms, envs, policies
     from bilateral_rl.api import (
         Comparison,
+        Evaluator,
+        Recording,
         Reproduction,
         Run,
+        Stopped,
+        TrialRecord,
+        UserError,
         compare,
         import_model,
         list_runs,
@@ -43,8 +48,13 @@ __version__ = "0.2.0"
 
 __all__ = [
     "Comparison",
+    "Evaluator",
+    "Recording",
     "Reproduction",
     "Run",
+    "Stopped",
+    "TrialRecord",
+    "UserError",
     "__version__",
     "algorithms",
     "compare",

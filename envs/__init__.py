@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from bilateral_rl.envs.registration import ENVIRONMENT_IDS
     from bilateral_rl.envs.settings import TrialSettings
     from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, Task, Trials
+    from bilateral_rl.envs.trials import TrialBatch
     from bilateral_rl.envs.vec_vector_reward import VecVectorReward
     from bilateral_rl.envs.vector_reward import Transition, VectorReward
 
@@ -29,6 +30,7 @@ _NAMES = {
     "settings": ("TrialSettings",),
     "tasks": ("TASKS", "HoldPosition", "RandomReach", "Task", "Trials"),
     "vec_vector_reward": ("VecVectorReward",),
+    "trials": ("TrialBatch",),
     "vector_reward": ("Transition", "VectorReward"),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
@@ -47,6 +49,7 @@ __all__ = [
     "RandomReach",
     "Task",
     "Transition",
+    "TrialBatch",
     "TrialSettings",
     "Trials",
     "VecVectorReward",

@@ -22,6 +22,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from bilateral_rl.analysis.recording import Recording
+    from bilateral_rl.analysis.trials import Evaluator, TrialRecord
     from bilateral_rl.api.comparison import Comparison, compare
     from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs
@@ -31,31 +33,42 @@ if TYPE_CHECKING:
     from bilateral_rl.api.run import Run, load
     from bilateral_rl.api.sweeping import sweep
     from bilateral_rl.api.training import train
+    from bilateral_rl.io.errors import Stopped, UserError
 
 MODULES = {
-    "Comparison": "comparison",
-    "Reproduction": "reproduction",
-    "Run": "run",
-    "compare": "comparison",
-    "import_model": "importing",
-    "list_runs": "listing",
-    "load": "run",
-    "plot_curves": "plots",
-    "plot_lesions": "plots",
-    "plot_muscles": "plots",
-    "plot_paths": "plots",
-    "plot_speeds": "plots",
-    "render": "rendering",
-    "reproduce": "reproduction",
-    "sweep": "sweeping",
-    "train": "training",
+    "Comparison": "api.comparison",
+    "Evaluator": "analysis.trials",
+    "Recording": "analysis.recording",
+    "Reproduction": "api.reproduction",
+    "Run": "api.run",
+    "Stopped": "io.errors",
+    "TrialRecord": "analysis.trials",
+    "UserError": "io.errors",
+    "compare": "api.comparison",
+    "import_model": "api.importing",
+    "list_runs": "api.listing",
+    "load": "api.run",
+    "plot_curves": "api.plots",
+    "plot_lesions": "api.plots",
+    "plot_muscles": "api.plots",
+    "plot_paths": "api.plots",
+    "plot_speeds": "api.plots",
+    "render": "api.rendering",
+    "reproduce": "api.reproduction",
+    "sweep": "api.sweeping",
+    "train": "api.training",
 }
-"""Where each name is."""
+"""The module of each name, below ``bilateral_rl``."""
 
 __all__ = [
     "Comparison",
+    "Evaluator",
+    "Recording",
     "Reproduction",
     "Run",
+    "Stopped",
+    "TrialRecord",
+    "UserError",
     "compare",
     "import_model",
     "list_runs",
@@ -76,7 +89,7 @@ if not TYPE_CHECKING:
     def __getattr__(name: str) -> Any:
         if name not in MODULES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = globals()[name] = getattr(importlib.import_module(f"{__name__}.{MODULES[name]}"), name)
+        value = globals()[name] = getattr(importlib.import_module(f"bilateral_rl.{MODULES[name]}"), name)
         return value
 
 

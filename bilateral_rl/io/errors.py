@@ -33,7 +33,10 @@ class UserError(Exception):
 
 
 class Stopped(KeyboardInterrupt):
-    """Somebody stopped what was going on, and it is saved; the sentence says how to go on."""
+    """Somebody stopped a training or a study, and all is saved; the sentence says how to go on.
+
+    It is a KeyboardInterrupt, so that a notebook does not run its next cells.
+    """
 
 
 def run_program(program: Callable[[], object]) -> None:
