@@ -5,6 +5,7 @@ Run it after a change of a command: ``python docs/scripts/options_page.py``. A t
 
 from __future__ import annotations
 
+import re
 import types
 import typing
 from collections.abc import Mapping
@@ -65,7 +66,7 @@ def _argument(one: TyperArgument) -> tuple[str, ...]:
 
 def _option(one: TyperOption, kinds: Mapping[str, str]) -> tuple[str, ...]:
     names = ", ".join(f"`{name}`" for name in (*one.opts, *one.secondary_opts))
-    takes = f"`{_sentence(one.metavar)}`" if one.metavar else kinds[str(one.name)]
+    takes = " or ".join(f"`{word}`" for word in one.metavar.split("|")) if one.metavar else kinds[str(one.name)]
     return names, takes, _default(one), _sentence(one.help or "")
 
 
@@ -84,7 +85,8 @@ def _default(one: TyperOption) -> str:
 
 
 def _sentence(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
+    words = " ".join(text.split()).replace("|", "\\|")
+    return re.sub(r"(?<!\S)(--[a-z-]+)", r"`\1`", words)
 
 
 if __name__ == "__main__":
