@@ -8,6 +8,7 @@ that ended it is known.
 
 from __future__ import annotations
 
+import mmap
 import multiprocessing
 import pickle
 import signal
@@ -23,6 +24,8 @@ from public_doors import REFUSED, WORKS, Door, make_doors, trap
 
 SECONDS = 30
 """That no input may take."""
+NOTE = 4096
+"""Bytes that describe an input."""
 
 
 def use_asserting_kernels() -> None:
@@ -30,7 +33,7 @@ def use_asserting_kernels() -> None:
     wp.config.mode = "debug"
 
 
-def try_doors(doors: dict[str, Door], n: int, number: int, note: Path) -> Counter[tuple[str, str]]:
+def try_doors(doors: dict[str, Door], n: int, number: int, note: mmap.mmap) -> Counter[tuple[str, str]]:
     """How many of ``n`` inputs of the random stream ``number``, dealt to the doors in turn, ended how."""
     outcomes: Counter[tuple[str, str]] = Counter()
     for i, name in enumerate(doors):
@@ -38,7 +41,7 @@ def try_doors(doors: dict[str, Door], n: int, number: int, note: Path) -> Counte
     return outcomes
 
 
-def _try_door(door: Door, name: str, n: int, number: int, note: Path, outcomes: Counter[tuple[str, str]]) -> None:
+def _try_door(door: Door, name: str, n: int, number: int, note: mmap.mmap, outcomes: Counter[tuple[str, str]]) -> None:
     @seed(number)
     @settings(
         max_examples=n,
@@ -49,7 +52,8 @@ def _try_door(door: Door, name: str, n: int, number: int, note: Path, outcomes: 
     )
     @given(door.inputs)
     def run(arguments: tuple[Any, ...]) -> None:
-        note.write_text(f"{name}, stream {number}: {arguments!r:.2000}", errors="replace")
+        described = f"{name}, stream {number}: {arguments!r}".encode(errors="replace")
+        note[:] = described[:NOTE].ljust(NOTE)
         signal.alarm(SECONDS)
         outcomes[name, door.outcome(arguments)] += 1
         signal.alarm(0)
@@ -63,7 +67,7 @@ def in_child(doors: dict[str, Door], n: int, number: int, folder: Path) -> Count
     Raises:
         ChildProcessError: the copy ended otherwise than by itself; the message says how, and on which input.
     """
-    note, result = folder / f"note-{number}", folder / f"result-{number}"
+    note, result = mmap.mmap(-1, NOTE), folder / f"result-{number}"  # memory that both processes see, and a file
 
     def run() -> None:
         result.write_bytes(pickle.dumps(try_doors(doors, n, number, note)))
@@ -72,9 +76,8 @@ def in_child(doors: dict[str, Door], n: int, number: int, folder: Path) -> Count
     child.start()
     child.join()
     if child.exitcode != 0:
-        raise ChildProcessError(f"a process ended with {child.exitcode} on {note.read_text()}")
+        raise ChildProcessError(f"a process ended with {child.exitcode} on {note[:].decode(errors='replace').strip()}")
     outcomes: Counter[tuple[str, str]] = pickle.loads(result.read_bytes())
-    note.unlink()
     result.unlink()
     return outcomes
 
@@ -93,8 +96,8 @@ def main() -> None:
             raise AssertionError("an access out of bounds went by")
         for number in range(*first or [0], sum(first) + children):
             outcomes += in_child(doors[number % 2], n, number, Path(folder))
-            print(f"{number + 1 - sum(first):,} processes, {outcomes.total():,} inputs", end="\r", flush=True)
-    print(f"\n{'door':30} {WORKS:>9} {REFUSED:>9}")
+            print(f"{number + 1 - sum(first):,} processes, {outcomes.total():,} inputs", file=sys.stderr, flush=True)
+    print(f"{'door':30} {WORKS:>9} {REFUSED:>9}")
     for name in doors[0]:
         print(f"{name:30} {outcomes[name, WORKS]:>9,} {outcomes[name, REFUSED]:>9,}")
 
