@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 Float32 = NDArray[np.float32]
 
+MOST_ARMS = 1_000_000
+"""So many take gigabytes; a number that is far larger is a mistake, and would have the system end the process."""
+
 
 class Draws(NamedTuple):
     """Random numbers of ``k`` trials of one arm, in the order in which its generator yields them."""
@@ -288,6 +291,8 @@ def _n_arms(n: object) -> int:
     number = whole_number("the number of arms", n, 0)
     if number < 1:
         raise ValueError(f"at least one arm is needed, got {number}.")
+    if number > MOST_ARMS:
+        raise ValueError(f"at most {MOST_ARMS:,} arms can run at once, got {number:,}.")
     return number
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
 from bilateral_rl.analysis.recording_fields import MEASURED, OBSERVATION, STEP, TIME, Field
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.envs.doors import whole_number
+from bilateral_rl.envs.doors import numbers, whole_number
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Trials, make_task
@@ -194,7 +194,7 @@ def _action(policy: MotorPolicy, observation: Float32, deterministic: bool) -> F
         if "Normal" not in str(error):
             raise
         action = np.array(np.nan)  # torch's Gaussians refuse means that are not finite
-    if not np.isfinite(action).all():
+    if not np.isfinite(numbers("actions", action)).all():
         raise NotFiniteError("This policy cannot be tested: its actions are not finite numbers.")
     return action
 

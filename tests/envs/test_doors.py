@@ -301,6 +301,12 @@ def test_anything_else_is_no_number_of_arms(n):
         ArmVecEnv(n)
 
 
+def test_more_arms_than_any_memory_holds_are_refused():
+    for n in (1_000_001, 2**31, 2**40, 10**30):
+        with pytest.raises(ValueError, match=r"at most 1,000,000 arms can run at once, got [\d,]+\."):
+            ArmVecEnv(n)
+
+
 def test_a_device_is_a_name_or_torchs_device():
     for device in ("cpu", "cpu:0", torch.device("cpu")):
         assert ArmVecEnv(2, device=device).device == "cpu"
