@@ -21,9 +21,10 @@ OUTSIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "examples/README.md": "examples.md",
     "runs/README.md": "runs.md",
-    "README.md": "index.md",
 }
-"""Files of the repository that are pages of the site, or, for the README, whose place a page of the site takes."""
+"""Files outside of docs/ that are pages of the site."""
+PLACES = OUTSIDE | {"README.md": "index.md"}
+"""Where links to files outside of docs/ lead."""
 
 LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
@@ -31,8 +32,7 @@ LINK = re.compile(r"\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that lie outside of docs/."""
     for source, uri in OUTSIDE.items():
-        if uri != "index.md":
-            files.append(File.generated(config, uri, content=_text(source)))
+        files.append(File.generated(config, uri, content=_text(source)))
     for notebook in sorted(ROOT.glob("examples/*.ipynb")):
         files.append(File.generated(config, f"examples/{notebook.name}", content=notebook.read_text(encoding="utf-8")))
     return files
@@ -41,8 +41,6 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     """Let links lead where the files that they name are in the site."""
     source = next((file for file, uri in OUTSIDE.items() if uri == page.file.src_uri), f"docs/{page.file.src_uri}")
-    if source == "README.md":
-        source = "docs/index.md"
     return LINK.sub(lambda link: _relinked(link, source, page.file.src_uri), markdown)
 
 
@@ -54,8 +52,8 @@ def _relinked(link: re.Match[str], source: str, uri: str) -> str:
     file = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
     if file.startswith("docs/"):
         place = file.removeprefix("docs/")
-    elif file in OUTSIDE:
-        place = OUTSIDE[file]
+    elif file in PLACES:
+        place = PLACES[file]
     elif file.endswith(".ipynb"):
         place = file
     elif (ROOT / file).exists():
