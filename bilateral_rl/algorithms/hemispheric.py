@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pathlib
+import warnings
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.preprocessing import get_action_dim
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
 from stable_baselines3.common.vec_env import VecNormalize
 from torch import Tensor, nn
@@ -62,6 +64,8 @@ class Hemispheric(BaseAlgorithm):
 
     policy: MotorPolicy
     action_traces: tuple[float, ...] = ()  # of models that were saved before there were any
+    normalized_observations: bool | None = None
+    """Whether it was trained on observations that ``VecNormalize`` normalized; None if it was not, or not yet."""
     _last_traces: NDArray[np.float32] | None = None  # (n_envs, n): of the actions before the last observation
     POLICY_CLASS: ClassVar[type[MotorPolicy]]
     """The class that ``policy`` must be of."""
@@ -111,12 +115,36 @@ class Hemispheric(BaseAlgorithm):
         blank = vars(cls(next(iter(cls.policy_aliases)), None, _init_setup_model=False))  # type: ignore[call-arg]
         changes = arguments_of_load(cls, kwargs, blank)
         try:
-            return super().load(path, env, device, custom_objects, print_system_info, force_reset, **changes)
+            model = super().load(path, env, device, custom_objects, print_system_info, force_reset, **changes)
         except KeyError as error:
             # SB3 takes every ValueError of `set_parameters` for one of DQN's, and looks for what DQN alone has.
             if isinstance(error.__context__, ValueError):
                 raise error.__context__ from None
             raise
+        model._tell_normalization()
+        return model
+
+    def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
+        """Take another environment as SB3 does; warns where it does not normalize observations as the one before."""
+        super().set_env(env, force_reset)
+        self._tell_normalization()
+
+    def _tell_normalization(self) -> None:
+        """Warn where observations will not be normalized as those were that the model was trained on."""
+        normalizer = self._vec_normalize_env
+        normalizes = normalizer is not None and normalizer.norm_obs
+        if self.env is None or self.normalized_observations is None:
+            return
+        if self.normalized_observations and not normalizes:
+            lost = "its environment does not: wrap it by VecNormalize.load(file, env), of the file that env.save wrote"
+        elif self.normalized_observations and _is_new(normalizer):
+            lost = "its environment begins with no statistics: load those of before by VecNormalize.load(file, env)"
+        elif normalizes and not self.normalized_observations:
+            lost = "its environment does: wrap it by VecNormalize(env, norm_obs=False), or not at all"
+        else:
+            return
+        trained = "" if self.normalized_observations else " not"
+        warnings.warn(f"the model was{trained} trained on normalized observations, and {lost}.", stacklevel=3)
 
     @classmethod
     def constructor_arguments(
@@ -191,10 +219,12 @@ class Hemispheric(BaseAlgorithm):
         if reset_num_timesteps or self._last_obs is None or self._last_traces is None:
             assert self.env is not None
             self._last_traces = self._traces.start(self.env.num_envs)
+        self._tell_normalization()
         prepared = super()._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
         self._check_policy()
         assert isinstance(self._last_obs, np.ndarray)
         check_observations(self._last_obs, self.num_timesteps)
+        self.normalized_observations = self._vec_normalize_env is not None and self._vec_normalize_env.norm_obs
         return prepared
 
     def _trace(self, actions: NDArray[np.floating], dones: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -322,6 +352,11 @@ class Hemispheric(BaseAlgorithm):
         for side, weight in self.policy.motor_network.combination_weights().items():
             self.logger.record(f"combination/{side}", weight)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+
+
+def _is_new(normalizer: VecNormalize | None) -> bool:
+    """Whether it has seen no observation yet."""
+    return normalizer is not None and isinstance(normalizer.obs_rms, RunningMeanStd) and normalizer.obs_rms.count < 1
 
 
 def _name_stream_returns(infos: Sequence[dict[str, Any]]) -> None:

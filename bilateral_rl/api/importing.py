@@ -20,6 +20,7 @@ def import_model(
     *,
     trust_pickle: bool = False,
     settings: Mapping[str, Any] | None = None,
+    vec_normalize: str | Path | None = None,
     out: str | Path = "runs",
 ) -> Run:
     """Make a run of a model saved by stable-baselines3, so that all else can be done with it.
@@ -29,6 +30,8 @@ def import_model(
         task: what it was trained for, "random_reach" or "hold_position".
         trust_pickle: to load it although that executes whatever its author wants.
         settings: what the file does not tell, such as ``{"trial.threshold": 0.03}``.
+        vec_normalize: the file of statistics of a model that was trained on normalized observations, as SB3's
+            ``VecNormalize.save`` writes it; they are folded into the network. Loading it executes code as well.
         out: folder of all runs.
 
     Raises:
@@ -42,4 +45,6 @@ def import_model(
             f"{path} holds pickles, and to load them is to execute whatever their author wants: add --trust-pickle if "
             "you trust where it comes from."
         )
-    return Run(sb3_import.import_model(path, task, settings_by_name("--set", settings), as_path("--out", out)))
+    statistics = None if vec_normalize is None else as_path("--vec-normalize", vec_normalize)
+    by_name = settings_by_name("--set", settings)
+    return Run(sb3_import.import_model(path, task, by_name, as_path("--out", out), statistics))

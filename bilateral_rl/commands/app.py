@@ -443,13 +443,27 @@ def import_(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="What the file does not tell, such as trial.threshold=0.03."),
     ] = None,
+    vec_normalize: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Statistics of observations, by VecNormalize.save, that the model was trained on; a pickle too.",
+            show_default=False,
+        ),
+    ] = None,
     out: Out = RUNS,
 ) -> None:
     """Make a run of a model saved by stable-baselines3, so that every other command can take it."""
     from bilateral_rl.commands import import_model as command
 
     command.import_zip(
-        path=model, task=task, trust_pickle=trust_pickle, overrides=overrides or [], out=out, console=console
+        path=model,
+        task=task,
+        trust_pickle=trust_pickle,
+        overrides=overrides or [],
+        vec_normalize=vec_normalize,
+        out=out,
+        console=console,
     )
 
 

@@ -14,7 +14,14 @@ from bilateral_rl.config.parse import parse_overrides
 
 
 def import_zip(
-    *, path: Path, task: str, trust_pickle: bool, overrides: Sequence[str], out: Path, console: Console
+    *,
+    path: Path,
+    task: str,
+    trust_pickle: bool,
+    overrides: Sequence[str],
+    vec_normalize: Path | None,
+    out: Path,
+    console: Console,
 ) -> None:
     """Make a run of a model that stable-baselines3 saved.
 
@@ -23,6 +30,7 @@ def import_zip(
         task: the task that the model was trained for.
         trust_pickle: whether to load it, although that executes whatever its author wants.
         overrides: settings that the file does not tell, as ``--set`` takes them.
+        vec_normalize: statistics of observations that the model was trained on, to be folded into the network.
         out: folder of all runs.
         console: where to print.
 
@@ -30,7 +38,9 @@ def import_zip(
         UserError: a file that is no such model, or that is not trusted.
     """
     settings = parse_overrides(overrides)
-    imported = import_model(path, task, trust_pickle=trust_pickle, settings=settings, out=out)
+    imported = import_model(
+        path, task, trust_pickle=trust_pickle, settings=settings, vec_normalize=vec_normalize, out=out
+    )
     config, run = imported.config, escape(shlex.quote(str(imported.path)))
     console.print(
         f"Imported as {config.model}, trained by {config.algo}, into [bold]{run}[/bold]. Next:", soft_wrap=True

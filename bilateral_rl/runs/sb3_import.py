@@ -23,6 +23,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.runs.folder import FINAL, IMPORTED, RunFolder
+from bilateral_rl.runs.normalized_observations import Statistics, shows_normalization
 from bilateral_rl.runs.policies import build_policy
 
 
@@ -112,6 +113,14 @@ class SavedModel:
     def _log_std_init(self) -> float:
         return float(self.data.get("policy_kwargs", {}).get("log_std_init", 0.0))
 
+    @property
+    def normalized_observations(self) -> bool | None:
+        """Whether it was trained on observations that ``VecNormalize`` had normalized; None where nothing tells."""
+        told: bool | None = self.data.get("normalized_observations")
+        if told is None and shows_normalization(self.data.get("_last_obs")):
+            return True
+        return told
+
     def _hyperparameters(self, algo: str, policy: MotorPolicy) -> Values:
         """Collect the algorithm's hyperparameters that are plain numbers, or schedules of them."""
         config = CONFIGS[algo]()
@@ -140,23 +149,49 @@ class SavedModel:
             )
 
 
-def import_model(path: Path, task: str, overrides: Mapping[str, Any], out: Path) -> RunFolder:
+def import_model(
+    path: Path, task: str, overrides: Mapping[str, Any], out: Path, vec_normalize: Path | None = None
+) -> RunFolder:
     """Make a run below ``out`` of the model that stable-baselines3 saved as ``path``; loading it executes code.
 
+    Args:
+        path: the zip file.
+        task: the task that it was trained for.
+        overrides: settings that the file does not tell.
+        out: folder of all runs.
+        vec_normalize: statistics of observations, as ``VecNormalize.save`` writes them, to be folded into the network.
+
     Raises:
-        UserError: the file is no model of this package, does not fit the arm or the settings, or the run cannot be
-            written.
+        UserError: the file is no model of this package, does not fit the arm or the settings, was trained on other
+            observations than the arm's, or the run cannot be written.
     """
     model = SavedModel.load(path)
     config = model.config(task, overrides)
     try:
-        build_policy(config).load_state_dict(model.weights)
+        policy = build_policy(config)
+        policy.load_state_dict(model.weights)
     except RuntimeError:
         raise UserError(f"The policy of {path} has parts that no run has, or not of this size.") from None
+    origin: dict[str, Any] = {"imported_from": path.name}
+    normalized = model.normalized_observations
+    if vec_normalize is None and normalized:
+        raise UserError(
+            f"{path} was trained on observations that VecNormalize had normalized, without which it acts otherwise: "
+            "give the file of their statistics, which `env.save(FILE)` writes, as --vec-normalize FILE."
+        )
+    if vec_normalize is not None:
+        if normalized is False:
+            raise UserError(f"{path} was trained on observations as they are: leave --vec-normalize out.")
+        statistics = Statistics.load(vec_normalize, len(TrialSettings().observation_bounds()[0]))
+        statistics.fold_into(policy)
+        origin |= {
+            "vec_normalize": vec_normalize.name,
+            "clipped_observations": statistics.clipped_share(policy, task, config.trial),
+        }
     folder = RunFolder.create(out, config)
-    folder.save_weights(FINAL, model.weights)
+    folder.save_weights(FINAL, dict(policy.state_dict()) if vec_normalize else model.weights)
     status = {"state": IMPORTED, "timesteps": model.data.get("num_timesteps", 0), "weights": FINAL}
-    folder.write_json("status.json", status | {"imported_from": path.name})
+    folder.write_json("status.json", status | origin)
     return folder
 
 

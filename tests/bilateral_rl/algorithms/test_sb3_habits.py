@@ -1,5 +1,7 @@
 """Callbacks, wrappers and evaluation of stable-baselines3 work around the hemispheric algorithms."""
 
+import warnings
+
 import gymnasium
 import numpy as np
 import pytest
@@ -72,6 +74,35 @@ def test_normalized_observations(make, tmp_path):
     again.seed(0)
     env.seed(0)
     assert evaluate_policy(loaded, again, 4)[0] == pytest.approx(evaluate_policy(model, env, 4)[0])
+
+
+def told(call):
+    """What a call warns of normalization."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call()
+    return [str(each.message) for each in caught if "normalized observations" in str(each.message)]
+
+
+def test_normalization_that_is_lost_is_told(make, tmp_path):
+    env = VecNormalize(arms())
+    model = make(env)
+    assert told(lambda: model.learn(80).learn(80, reset_num_timesteps=False)) == []
+    env.save(tmp_path / "statistics.pkl")
+    model.save(tmp_path / "model")
+    load = type(model).load
+    again = VecNormalize.load(tmp_path / "statistics.pkl", arms())
+    assert told(lambda: load(tmp_path / "model", env=again).learn(80)) == []
+    (lost,) = told(lambda: load(tmp_path / "model", env=arms()))
+    assert lost.startswith("the model was trained on normalized observations, and its environment does not: wrap it by")
+    (fresh,) = told(lambda: load(tmp_path / "model", env=VecNormalize(arms())))
+    assert "begins with no statistics: load those of before" in fresh
+    (lost_by_set_env,) = told(lambda: load(tmp_path / "model").set_env(arms()))
+    assert lost_by_set_env == lost
+    plain = make(arms()).learn(80)
+    (gained,) = told(lambda: plain.set_env(VecNormalize(arms())))
+    assert "the model was not trained on normalized observations, and its environment does" in gained
+    assert told(lambda: plain.set_env(VecNormalize(arms(), norm_obs=False))) == []
 
 
 def test_stacked_observations(make):

@@ -18,7 +18,7 @@ CONDITIONS = "lesion='intact', task=None, settings=None"
 FILM = "trials=4, seed=2000000, lesion='intact', weights='final', slow_down=4, size=480, progress=True"
 SIGNATURES = {
     "compare": f"(*runs, metrics=None, retrain=None, {TESTS.replace(' *,', '')})",
-    "import_model": "(model, task, *, trust_pickle=False, settings=None, out='runs')",
+    "import_model": "(model, task, *, trust_pickle=False, settings=None, vec_normalize=None, out='runs')",
     "list_runs": "(out='runs')",
     "load": "(run, seed=None)",
     "plot_curves": "(curves, ax=None, *, measure=None)",

@@ -10,6 +10,7 @@ import pytest
 import torch
 from gymnasium import spaces
 from stable_baselines3 import A2C, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import VecNormalize
 
 from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC, HemisphericTD3
 from bilateral_rl.envs import ArmEnv, ArmVecEnv
@@ -191,3 +192,74 @@ def test_settings_that_do_not_fit_are_refused(call, tmp_path, saved, options, sa
 
 def test_a_file_that_is_not_there_is_refused(call, tmp_path):
     assert_refused(call, tmp_path, "There is no file")
+
+
+def normalized(name, tmp_path, **settings):
+    """A model that was trained on normalized observations, its statistics, and both as files."""
+    env = VecNormalize(ArmVecEnv(4, "random_reach", seed=0), **{"clip_obs": 100.0} | settings)
+    model = make(name, env)
+    model.learn(400)
+    model.save(tmp_path / "model")
+    env.save(tmp_path / "statistics.pkl")
+    return model, env
+
+
+EVERY = [*ALGORITHMS, "HemisphericSAC of standardized inputs"]
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_statistics_of_observations_are_folded_into_the_network_and_its_critics(call, tmp_path, observations, name):
+    name, _, standardized = name.partition(" of ")
+    if standardized:
+        ALGORITHMS[name][2]["standardize_inputs"] = True
+    try:
+        model, env = normalized(name, tmp_path)
+    finally:
+        ALGORITHMS[name][2].pop("standardize_inputs", None)
+    options = ("--set", "sac.standardize_inputs=true") if standardized else ()
+    run = imported(call, tmp_path, "--vec-normalize", tmp_path / "statistics.pkl", *options)
+    assert run.status()["vec_normalize"] == "statistics.pkl"
+    policy, seen = load_policy(run), env.normalize_obs(observations)
+    expected, _ = model.predict(seen, deterministic=True)
+    np.testing.assert_allclose(policy.predict(observations, deterministic=True)[0], expected, atol=1e-4)
+    with torch.no_grad():
+        inputs = [torch.from_numpy(each) for each in (observations, seen)]
+        if hasattr(policy, "predict_stream_values"):
+            ours, theirs = (p.predict_stream_values(x) for p, x in zip((policy, model.policy), inputs, strict=True))
+            torch.testing.assert_close(ours, theirs, rtol=1e-3, atol=1e-3)
+        else:
+            actions = torch.from_numpy(expected)
+            for critics in ("critic", "critic_target"):
+                ours, theirs = (
+                    p.stream_values(getattr(p, critics), x, actions)
+                    for p, x in zip((policy, model.policy), inputs, strict=True)
+                )
+                torch.testing.assert_close(ours, theirs, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["PPO", "SAC", "HemisphericPPO", "HemisphericSAC"])
+def test_a_model_of_normalized_observations_is_refused_without_their_statistics(call, tmp_path, name):
+    normalized(name, tmp_path)
+    code, _, err = call("import", tmp_path / "model.zip", "--trust-pickle", "--task", "random_reach")
+    assert code == 2
+    assert "observations that VecNormalize had normalized" in err
+    assert "--vec-normalize FILE" in err
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"norm_obs": False}, "was trained on observations as they are: leave --vec-normalize out"),
+        ({"clip_obs": 0.5}, "clipped at 0.5, as happens in"),
+    ],
+)
+def test_statistics_that_do_not_belong_to_the_model_or_to_any_network_are_refused(call, tmp_path, settings, reason):
+    normalized("HemisphericPPO", tmp_path, **settings)
+    model = ("import", tmp_path / "model.zip", "--trust-pickle", "--task", "random_reach", "--vec-normalize")
+    for file, why in (("statistics.pkl", reason), ("model.zip", "holds no VecNormalize"), ("none.pkl", "Cannot read")):
+        code, _, err = call(*model, tmp_path / file)
+        assert code == 2
+        if file == "statistics.pkl" or "norm_obs" not in settings:
+            assert why in " ".join(err.split())
+    assert not (tmp_path / "runs").exists()
