@@ -28,7 +28,7 @@ from bilateral_rl.algorithms.finite import check_observations
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, outermost_pairs
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples
-from bilateral_rl.algorithms.stream_scale import StreamScale
+from bilateral_rl.algorithms.stream_scale import StreamScale, penalty_scales
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
 
@@ -337,7 +337,7 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         scales = torch.full_like(losses, self.reward_scale)
         if self.normalize_streams:
             scales /= self.stream_scale.root_mean_square()
-        self._route(list(losses.unbind()), self._actor_groups, scales.tolist())
+        self._route(list(losses.unbind()), self._actor_groups, penalty_scales(scales))
         for optimizer in (self.policy.actor.optimizer, *others):
             optimizer.step()
 

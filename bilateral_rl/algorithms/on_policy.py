@@ -24,6 +24,7 @@ from bilateral_rl.algorithms.outer_rewards import RewardPairs, gives_pairs, oute
 from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRolloutBuffer
+from bilateral_rl.algorithms.stream_scale import penalty_scales
 from bilateral_rl.policies import POLICY_ALIASES, BilateralActorCriticPolicy
 from bilateral_rl.vocabulary import stream_names
 
@@ -177,7 +178,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         if not self.normalize_advantage or len(advantages) < 2:
             return advantages, [self.reward_scale] * advantages.shape[1]
         std = advantages.std(dim=0) + 1e-8
-        return (advantages - advantages.mean(dim=0)) / std, (self.reward_scale / std).tolist()
+        return (advantages - advantages.mean(dim=0)) / std, penalty_scales(self.reward_scale / std)
 
     def _stream_losses(self, policy_loss: Tensor, value_loss: Tensor, log: Log) -> list[Tensor]:
         """Add up each stream's loss from its parts (n_streams,).

@@ -10,6 +10,19 @@ _KEPT = 0.999
 _SMALLEST = 1e-8
 """Added to what is divided by: a stream of no reward has no gradient."""
 
+_MOST = 100.0
+"""How many times as large the weight penalty of one stream may be made as that of another."""
+
+
+def penalty_scales(scales: Tensor) -> list[float]:
+    """Return how the weight penalty of each stream is scaled, where its loss is scaled by ``scales`` (n_streams,).
+
+    A stream whose reward is always zero, or not found yet, is as large as the errors of its critic. Brought to the size
+    of the other's, its penalty would be the largest by far, and shrink whatever the streams share.
+    """
+    bounded: list[float] = scales.clamp(max=_MOST * scales.min()).tolist()
+    return bounded
+
 
 class StreamScale(nn.Module):
     """Running root mean square of ‖∂Q/∂a‖ of each stream, over the batch and about a thousand updates.

@@ -59,16 +59,26 @@ def _is_of_another(layer: Mapping[str, Any], names: Mapping[str, str]) -> bool:
 
 
 def _is_whole(layer: Mapping[str, Any]) -> bool:
-    """Whether ``layer`` is the whole configuration of a run, be it of an earlier version, which had fewer settings."""
-    algo, task = str(layer.get("algo")), str(layer.get("task"))
-    if algo not in CONFIGS or task not in TASK_SPECS:
-        return False
-    whole = [layer.get(part) for part in (algo, "network", "trial")]
-    parts = [_defaults(algo, task)[part] for part in (algo, "network", "trial")]
-    # More than half of the settings: nobody writes that many by hand.
-    return all(
-        isinstance(w, Mapping) and 2 * len(w.keys() & p.keys()) > len(p) for w, p in zip(whole, parts, strict=True)
+    """Whether ``layer`` is the whole configuration of a run, be it of an earlier version, which had fewer settings.
+
+    Whoever writes settings by hand leaves out those that say nothing, such as ``init_from: null``.
+    """
+    algo, trial = str(layer.get("algo")), layer.get("trial")
+    return (
+        algo in CONFIGS
+        and str(layer.get("task")) in TASK_SPECS
+        and layer.keys() >= {*_OF_EVERY_RUN, algo}
+        and isinstance(layer["network"], Mapping)
+        and isinstance(trial, Mapping)
+        and isinstance(arm := trial.get("arm"), Mapping)
+        and arm.keys() >= _OF_EVERY_ARM
     )
+
+
+_OF_EVERY_RUN = ("model", "seed", "device", "init_from", "network", "trial")
+"""Names at the top of the configuration of a run of any version and algorithm."""
+_OF_EVERY_ARM = {"timestep", "link_mass", "link_length", "max_isometric_force", "path_offset", "hill_a", "hill_b"}
+"""Names of a few constants of the arm, all of which such a configuration states."""
 
 
 def _without_what_is_gone(layer: Mapping[str, Any]) -> Mapping[str, Any]:

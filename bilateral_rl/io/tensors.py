@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection
 from pathlib import Path
 
 import torch
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
@@ -27,13 +28,14 @@ def save(tensors: Tensors, path: Path) -> None:
     path.write_bytes(to_bytes({name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}))
 
 
-def load(path: Path, most: int, within: Path) -> Tensors:
+def load(path: Path, most: int, within: Path, only: Collection[str] = ()) -> Tensors:
     """Read the tensors, by name, that a file of a run folder holds.
 
     Args:
         path: the file.
         most: the largest size accepted, in bytes.
         within: the run folder.
+        only: the names of those to read, of which the file may lack some; empty for all.
 
     Raises:
         FileNotFoundError: the file does not exist.
@@ -41,13 +43,18 @@ def load(path: Path, most: int, within: Path) -> Tensors:
     """
     real = files.find(path, most, within)
     try:
-        tensors = load_file(real)  # refuses a header that claims more than 100 MB
+        tensors = _some_of(real, only) if only else load_file(real)  # refuses a header that claims more than 100 MB
         for name, tensor in tensors.items():
             if tensor.dtype not in DTYPES or tensor.ndim > _MOST_DIMENSIONS:
                 raise ValueError(f"its {name} is of type {tensor.dtype} and of {tensor.ndim} dimensions")
     except (SafetensorError, OSError, ValueError, RuntimeError, TypeError, LookupError) as error:
         raise UserError(f"{path} is damaged: {error}.") from None
     return tensors
+
+
+def _some_of(path: Path, names: Collection[str]) -> Tensors:
+    with safe_open(path, framework="pt") as file:
+        return {name: file.get_tensor(name) for name in file.keys() if name in names}  # noqa: SIM118 - no dictionary
 
 
 def content_hash(tensors: Tensors) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -188,13 +188,13 @@ class RunFolder:
         """Write ``resume.safetensors``, what ``--resume`` needs beside the weights. Raises OSError."""
         self._write_tensors(RESUME, tensors)
 
-    def load_resume(self) -> Tensors:
-        """Read what :meth:`save_resume` wrote. Raises UserError if it is missing or damaged."""
+    def load_resume(self, only: Collection[str] = ()) -> Tensors:
+        """Read what :meth:`save_resume` wrote, or ``only`` some of it. Raises UserError if it is missing or damaged."""
         from bilateral_rl.io import tensors as tensor_files  # torch, which listing runs does without
 
         path = self.path / RESUME
         try:
-            return tensor_files.load(path, _LARGEST_RESUME, within=self.path)
+            return tensor_files.load(path, _LARGEST_RESUME, within=self.path, only=only)
         except FileNotFoundError:
             raise UserError(f"{path} does not exist, and without it the training cannot go on.") from None
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from bilateral_rl.config.parse import Values, build, plain
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.schema import RLConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies.lesions import lesion_words
@@ -21,6 +21,7 @@ from bilateral_rl.study.folder import MACHINE_SETTINGS
 from bilateral_rl.study.jobs import JobProgress
 from bilateral_rl.study.lesioning import LesionSettings, LesionStudy
 from bilateral_rl.study.provenance import describe_source, source_file
+from bilateral_rl.training import checkpoint
 from bilateral_rl.training import run as training
 from bilateral_rl.training.progress import Outcome, Progress
 
@@ -86,13 +87,24 @@ def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
 
 
 def is_run_of(run: RunFolder, config: TrainConfig) -> bool:
-    """Whether a run was made by these settings, for whatever machine; not if its configuration is damaged."""
+    """Whether a run was made by these settings, for whatever machine; not if its configuration is damaged.
+
+    One that an earlier version made, whose updates did something else by the same settings, was not.
+    """
     try:
         stored = run.config().to_values()
     except UserError:
         return False
     requested = config.to_values()
-    return all(stored.get(name) == requested[name] for name in requested if name not in MACHINE_SETTINGS)
+    same = all(stored.get(name) == requested[name] for name in requested if name not in MACHINE_SETTINGS)
+    return same and not (isinstance(config, RLConfig) and _goes_by_other_rules(run))
+
+
+def _goes_by_other_rules(run: RunFolder) -> bool:
+    try:
+        return run.is_saved and checkpoint.goes_by_other_rules(run.load_resume(only=[checkpoint.RULES]))
+    except UserError:  # whoever goes on with it says what is damaged
+        return False
 
 
 def _trained_run(runs: Path, known: Path, config: TrainConfig, progress: JobProgress) -> RunFolder:

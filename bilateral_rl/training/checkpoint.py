@@ -26,7 +26,8 @@ UPDATE_RULES = 2
 
 1, which states do not name: versions 0.1.0 and 0.2.0. 2: the weight penalty is scaled as the loss that it is a term of.
 """
-_RULES = "counter.update_rules"
+RULES = "counter.update_rules"
+"""The name of that count in a state."""
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _MOMENTS: dict[type[torch.optim.Optimizer], tuple[torch.dtype, set[str]]] = {
     torch.optim.Adam: (torch.float32, {"exp_avg", "exp_avg_sq"}),
@@ -45,7 +46,7 @@ def state_tensors(algorithm: BaseAlgorithm) -> Tensors:
 
 def goes_by_other_rules(tensors: Mapping[str, Tensor]) -> bool:
     """Whether the state is that of a version whose updates do something else by the same settings."""
-    rules = tensors.get(_RULES, torch.tensor(1))
+    rules = tensors.get(RULES, torch.tensor(1))
     return rules.numel() == 1 and int(rules) != UPDATE_RULES
 
 
@@ -108,7 +109,7 @@ def fill(part: str, present: Mapping[str, Tensor], stored: Mapping[str, Tensor])
 
 
 def _counters(algorithm: BaseAlgorithm) -> Tensors:
-    rules = {_RULES.removeprefix("counter."): torch.tensor(UPDATE_RULES)}
+    rules = {RULES.removeprefix("counter."): torch.tensor(UPDATE_RULES)}
     return rules | {name: torch.tensor(getattr(algorithm, name)) for name in _COUNTERS}
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import torch
 from stable_baselines3.common.logger import Figure as LoggedFigure
 from stable_baselines3.common.logger import Logger
@@ -13,7 +11,6 @@ from bilateral_rl.analysis.modulation import TAGS, SideModulation, side_modulati
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.figures import hand_paths
-from bilateral_rl.io.csv_tables import column_names
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.training_log import TrainingLog
 from bilateral_rl.policies import MotorPolicy
@@ -82,16 +79,8 @@ class Evaluations:
             figure = hand_paths(record, self._trial.threshold, sum(self._trial.arm.link_length))
             logger.record("figures/hand_paths", LoggedFigure(figure, close=True), exclude=("stdout", "csv"))
         logger.dump(step)
-        columns = self._columns(measures)
-        row = ",".join([str(step), *(f"{measures[name]:.6g}" for name in columns)]) + "\n"
-        self.log.append(row, ",".join(["timesteps", *columns]) + "\n")
-
-    def _columns(self, measures: Iterable[str]) -> list[str]:
-        """Return which measures the file holds: one that was begun by an earlier version lacks some."""
-        if not self.log.size:
-            return [*measures]
-        begun = column_names(self.log.path)
-        return [name for name in measures if name in begun]
+        row = ",".join([str(step), *(f"{value:.6g}" for value in measures.values())]) + "\n"
+        self.log.append(row, ",".join(["timesteps", *measures]) + "\n")
 
 
 def _tag(name: str) -> str:

@@ -335,6 +335,24 @@ def test_names_of_a_wrong_type_in_a_file_end_in_a_sentence_or_are_overruled():
         assert resolve("ppo", "random_reach", [{"algo": wrong, "task": wrong}]) == resolve("ppo", "random_reach")
 
 
+def test_a_file_that_somebody_wrote_keeps_the_tuned_defaults_of_what_it_leaves_out():
+    """However much it says; only what a run wrote is the whole of it."""
+    tuned = resolve("ppo", "random_reach")
+    written = tuned.to_values()
+    del written["init_from"]
+    del written["ppo"]["ent_coef"], written["network"]["critic_arch"]
+    assert resolve(None, None, [written]) == tuned
+
+
+def test_a_td3_run_of_version_0_2_0_names_a_standard_deviation_that_nothing_had_use_for():
+    values = resolve("td3", None).to_values()
+    values["network"]["log_std_init"] = -1.25
+    assert resolve(None, None, [values]) == resolve("td3", None)
+    assert resolve(None, "hold_position", [values]) == resolve("td3", "hold_position")
+    with pytest.raises(UserError, match="Unknown setting 'log_std_init' in network"):
+        resolve("td3", None, [{"network": {"log_std_init": -1.25}}])
+
+
 def test_a_run_of_version_0_1_0_has_one_seed():
     values = resolve("a2c", None).to_values()
     del values["seeds"]

@@ -3,9 +3,11 @@
 import json
 import shutil
 import signal
+from pathlib import Path
 
 import pandas as pd
 import pytest
+import torch
 from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.analysis.results import COLUMNS
@@ -14,9 +16,9 @@ from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder, find_runs
 from bilateral_rl.study.lesioning import measured_metrics
-from bilateral_rl.study.model_job import find_run, train_and_measure
+from bilateral_rl.study.model_job import find_run, is_run_of, train_and_measure
+from bilateral_rl.training import checkpoint, supervised
 from bilateral_rl.training import run as training
-from bilateral_rl.training import supervised
 
 RESULT = "results/random_reach/cc_s.csv"
 LESIONS = {"lesions": ["callosum"], "trials": 16, "retraining_trials": 64, "profile": "paper"}
@@ -207,3 +209,14 @@ def test_reinforcement_learning_killed_before_its_first_save_starts_anew(tmp_pat
     results = pd.read_csv(tmp_path / RESULT)
     assert set(results["seed"]) == {3}
     assert set(results["algo"]) == {"ppo"}
+
+
+def test_a_run_whose_updates_went_by_other_rules_is_none_of_a_study(tmp_path):
+    run = RunFolder(tmp_path / "run")
+    shutil.copytree(Path(__file__).parents[2] / "data" / "run_0_1_0_ppo", run.path)
+    assert not is_run_of(run, run.config())
+    state = run.load_resume()
+    run.save_resume(state | {checkpoint.RULES: torch.tensor(checkpoint.UPDATE_RULES)})
+    assert is_run_of(run, run.config())
+    (run.path / "resume.safetensors").write_bytes(b"damaged")
+    assert is_run_of(run, run.config()), "whoever goes on with it says so"
