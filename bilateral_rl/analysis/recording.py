@@ -29,6 +29,7 @@ from bilateral_rl.analysis.recording_fields import (
 )
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
 from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.trial_kernels import N_SENSED
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import Lesion
@@ -38,7 +39,7 @@ Float32 = NDArray[np.float32]
 
 TRIALS_AT_ONCE = 1024
 """Trials that are done, and kept in memory, at a time."""
-NUMBERS_AT_ONCE = 2**25
+NUMBERS_AT_ONCE = 2**24
 """Numbers that are kept in memory at a time, which are fewer trials where these are long or networks large."""
 
 
@@ -166,7 +167,7 @@ def record(
 
 def trials_at_once(network: MotorNetwork, settings: TrialSettings) -> int:
     """Return how many trials are done at a time."""
-    numbers = settings.trial_length * (100 + network.layers * network.units)
+    numbers = settings.trial_length * (100 + network.layers * network.units) + settings.feedback_delay * N_SENSED
     return max(1, min(TRIALS_AT_ONCE, NUMBERS_AT_ONCE // numbers))
 
 

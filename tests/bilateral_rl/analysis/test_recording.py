@@ -183,7 +183,9 @@ def test_long_trials_and_large_networks_are_fewer_at_once():
     network = build_policy(config).motor_network
     assert module.trials_at_once(network, config.trial) == module.TRIALS_AT_ONCE
     long = dataclasses.replace(config.trial, trial_length=10_000)
-    assert 1 <= module.trials_at_once(network, long) < 50
+    assert 1 <= module.trials_at_once(network, long) < 20
+    late = dataclasses.replace(config.trial, feedback_delay=10_000)
+    assert 1 <= module.trials_at_once(network, late) < 200
 
 
 def test_every_field_is_explained_and_named_once(make):
