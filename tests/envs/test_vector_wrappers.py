@@ -115,24 +115,30 @@ def test_torch_tensors_go_in_and_come_out():
     np.testing.assert_array_equal(reward.numpy(), expected.step(np.zeros((N, 6), np.float32))[1])
 
 
-def test_videos_and_windows_show_every_arm(tmp_path, monkeypatch):
+def test_there_is_a_picture_of_every_arm_and_a_window_shows_them(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    for module in ("moviepy", "cv2", "pygame"):
-        pytest.importorskip(module)
+    pytest.importorskip("pygame")
     arms = 17  # more than the 16 that a window of our own shows
     env = ArmVectorEnv(arms, trial_length=2, render_mode="rgb_array", autoreset_mode=NEXT)
     env.reset(seed=9)
     assert len(env.render()) == arms
+    pytest.importorskip("cv2")  # with which Gymnasium scales them
     env = vector.HumanRendering(env, screen_size=(480, 480))
     env.reset(seed=9)
     env.step(np.zeros((arms, 6), np.float32))
     env.close()
-    env = ArmVectorEnv(2, trial_length=2, render_mode="rgb_array", autoreset_mode=NEXT, arm={"timestep": 0.02})
-    env = vector.RecordVideo(env, str(tmp_path), video_length=2)
+
+
+def test_videos_are_recorded_at_the_rate_of_the_step(tmp_path):
+    for module in ("moviepy", "pygame"):
+        pytest.importorskip(module)
+    env = batched(NEXT, render_mode="rgb_array", arm={"timestep": 0.02})
+    env = vector.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: episode == 1)
     assert env.frames_per_sec == 12.5
     env.reset(seed=9)
-    for _ in range(3):
-        env.step(np.zeros((2, 6), np.float32))
+    for _ in range(LENGTH + 3):
+        env.step(np.zeros((N, 6), np.float32))
     env.close()
-    (video,) = tmp_path.iterdir()
+    (video,) = (tmp_path / "videos").iterdir()
+    assert video.name == "rl-video-episode-1.mp4"
     assert video.stat().st_size > 1000
