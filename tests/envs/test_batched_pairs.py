@@ -6,13 +6,13 @@ import re
 import gymnasium
 import numpy as np
 import pytest
-from bilateral_rl.envs.vector import VectorReward
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics, TransformReward
 from pendulum import make_pendulum, reward_pairs
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecMonitor, VecNormalize
 
 from bilateral_rl.envs import ArmVecEnv, ArmVectorEnv, VecVectorReward
+from bilateral_rl.envs.vector import VectorReward
 
 LENGTHS = (3, 4, 6)
 """Steps of the pendulums' episodes, so that they end at different times."""
