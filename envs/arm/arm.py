@@ -161,7 +161,7 @@ class _Step(torch.autograd.Function):
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         tensors: tuple[Tensor, ...] = ctx.saved_tensors
         grad_inputs = [torch.empty_like(t) for t in tensors[:4]]
-        grad_outputs = tuple(g.contiguous() for g in grad_outputs)
+        grad_outputs = tuple((g if g.layout is torch.strided else g.to_dense()).contiguous() for g in grad_outputs)
         _launch(
             ctx.arm, ctx.arm._kernels.step_adjoint, "jmelm" + "jmc" + "jmel", (*tensors, *grad_outputs, *grad_inputs)
         )

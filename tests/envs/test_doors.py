@@ -436,3 +436,9 @@ def test_the_torch_operation_takes_any_memory_layout():
         assert all(torch.equal(a, b) for a, b in zip(after, expected, strict=True))
         after.joint.sum().expand(2).sum().backward()
         assert given.grad.shape == (3, 6)
+    for upstream in (torch.ones(3, 4, dtype=torch.float64), torch.ones(1, 1, dtype=torch.float64).expand(3, 4)):
+        given = torch.full((3, 6), 0.5, dtype=torch.float64, requires_grad=True)
+        gradients = [
+            torch.autograd.grad(arm.step(state, given).joint, given, way)[0] for way in (upstream, upstream.to_sparse())
+        ]
+        assert torch.equal(*gradients)
