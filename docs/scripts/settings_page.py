@@ -57,9 +57,11 @@ bilateral-rl train --config mine.yaml
 
 A setting with a dot belongs to a section of the file: `trial.max_load=5` is `max_load: 5` under `trial:`. Where the
 default depends on the algorithm or on the task, the table names each; *reach* is `random_reach` and *hold* is
-`hold_position`. A value out of its bounds is refused before anything is computed, and so is a name that the algorithm
-does not know. Bounds that concern several settings at once (a network that would not fit into memory, for example) are
-checked too. How the tuned values were found is told on [the page on tuning](../tuning.md).
+`hold_position`. A dash in the column of units stands for a pure number, a count or a word.
+
+A value out of its bounds is refused before anything is computed, and so is a name that the algorithm does not know.
+Bounds that concern several settings at once (a network that would not fit into memory, for example) are checked too.
+How the tuned values were found is told on [the page on tuning](../tuning.md).
 """
 
 
