@@ -38,6 +38,13 @@ def whole(option: str, value: Any, least: int = 0) -> int:
     return number
 
 
+def flag(option: str, value: Any) -> bool:
+    """Return True or False, be it NumPy's. Raises UserError for anything else."""
+    if type(value).__name__ not in ("bool", "bool_"):  # by its name: who lists runs does not want NumPy
+        raise UserError(f"{option} must be True or False, got {value!r}.")
+    return bool(value)
+
+
 def names(option: str, value: Names) -> list[str] | None:
     """Return one name or several as a list; None for None or none. Raises UserError for anything but names."""
     if value is None:

@@ -7,6 +7,7 @@ import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 import pandas as pd
@@ -89,6 +90,12 @@ class Comparison:
         )
         keys = list(self.parts[0].keys)
         return joined[[*keys, *(name for name in joined if name not in keys)]]
+
+    def _repr_html_(self) -> str:
+        """Show the tables in a notebook."""
+        named = {name: getattr(self, name) for name in ("table", "omnibus", "pairs")}
+        tables = [f"<b>{name}</b>{table.to_html(index=False)}" for name, table in named.items() if len(table)]
+        return "".join([*tables, *(f"<p>{escape(note)}</p>" for note in self.notes)])
 
     def __repr__(self) -> str:
         return "\n\n".join(

@@ -12,7 +12,7 @@ import pandas as pd
 from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.modulation import SideModulation, side_modulations
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
-from bilateral_rl.api.checks import check_tests
+from bilateral_rl.api.checks import check_tests, flag
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.policies.lesions import INTACT
@@ -80,6 +80,7 @@ def evaluate(
     for policy in policies.values():
         policy.motor_network.set_lesion(lesion_of(run.folder, config, policy.motor_network, lesion))
     evaluator = Evaluator(under.task, under.settings, trials, seed)
+    deterministic = flag("--deterministic", deterministic)
     records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
     modulations = side_modulations({number: policy.motor_network for number, policy in policies.items()}, records)
     tested = dataclasses.replace(config, task=under.task, trial=under.settings)

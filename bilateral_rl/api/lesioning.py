@@ -10,8 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from bilateral_rl.analysis.protocols import Protocol
-from bilateral_rl.api.checks import Names, as_path, check_tests, names
-from bilateral_rl.api.progress import ProgressLike, bar
+from bilateral_rl.api.checks import Names, as_path, check_tests, flag, names
+from bilateral_rl.api.progress import ProgressLike, bar, console_of
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
@@ -71,11 +71,12 @@ def lesion(
     settings = LesionSettings(
         lesions=tuple(chosen) if chosen else None,
         protocols=tuple(protocols),
-        control=control,
-        profile=profile,
+        control=flag("control", control),
+        profile=None if profile is None else str(profile),
         trials=trials,
         seed=seed,
     )
+    console_of(progress)  # which refuses what is none before anything is computed
     study = LesionStudy(run.folder, settings, run.only, weights)
     if out is None:
         made = Lesions(study.config, _results(study, progress))

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemaini
 
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.bars import Bars, draws
+from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import Terminal
 from bilateral_rl.io.text import seed_range
 from bilateral_rl.training import progress
@@ -24,6 +25,8 @@ def console_of(shown: ProgressLike) -> Console | None:
     """Return where progress is shown: by default standard error, or a notebook's cell; None for nowhere."""
     if isinstance(shown, Console):
         return shown
+    if not isinstance(shown, bool):
+        raise UserError(f"progress must be True, False or a console of rich, got {shown!r}.")
     return Terminal(stderr=True) if shown else None
 
 

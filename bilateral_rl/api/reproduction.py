@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from bilateral_rl.api.checks import Names, SeedsLike, as_path, names, seeds_text, settings_by_name, whole
+from bilateral_rl.api.checks import Names, SeedsLike, as_path, flag, names, seeds_text, settings_by_name, whole
 from bilateral_rl.api.jobs import notes_on, run_jobs
 from bilateral_rl.api.notes import tell
 from bilateral_rl.api.progress import ProgressLike, console_of
@@ -172,7 +172,7 @@ def make_plan(
     Raises:
         UserError: it cannot be.
     """
-    study = _study(algo, profile, models, seeds, quick, settings)
+    study = _study(algo, profile, models, seeds, flag("--quick", quick), settings)
     chosen, left_out = readings_for(study, readings or ANCHORS)
     n_jobs = None if n_jobs is None else whole("--jobs", n_jobs, least=1)
     at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables), algo)

@@ -441,7 +441,7 @@ def find_run(run: str | Path | Run) -> Run:
         return run
     if not isinstance(run, (str, Path)):
         raise UserError(f"A run is named by its folder, such as runs/random_reach/cc_s-ppo-1, not by {run!r}.")
-    folder, seed = parse_run(str(run))
+    folder, seed = parse_run(str(Path(run).expanduser()))
     return Run(folder) if seed is None else one_seed(folder, seed)
 
 

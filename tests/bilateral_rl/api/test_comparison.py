@@ -27,6 +27,7 @@ def test_models_have_three_tables(models, call, tmp_path):
     written = pd.read_csv(tmp_path / "pairs.csv", keep_default_na=False, na_values=[""])[list(comparison.pairs)]
     pd.testing.assert_frame_equal(written.fillna({"note": ""}), comparison.pairs, check_dtype=False)
     assert "Comparison.omnibus:" in repr(comparison)
+    assert comparison._repr_html_().count("<table") == 3
 
 
 def test_lesions_are_compared_from_their_table_as_from_the_folder(loaded, undrawn):
