@@ -12,7 +12,7 @@ run = brl.train("bptt", "cc_s", seeds=SEEDS, epochs=EPOCHS, settings={"bptt.tria
 print("saved in", run.path)
 
 # Losses, gradient norms and measures on the validation trials, one row for each seed and epoch.
-print(run.curves().drop(columns="seed").groupby("epoch").mean().T)
+print(run.curves().groupby("epoch").mean(numeric_only=True).drop(columns="seed").T)
 
 # New trials for each network: means over the trials, for goals of several radii.
 table = run.evaluate(trials=256, seed=0)
