@@ -309,7 +309,7 @@ class Run:
         seed: int = TEST_SEED,
         weights: str = FINAL,
     ) -> Run:
-        """Write the networks as a folder to publish: weights, settings and a model card, without pickles and logs.
+        """Write the networks as a folder to publish: weights, settings, how they learned, and a model card; no pickles.
 
         :func:`load` and every command take the folder as they take a run.
 

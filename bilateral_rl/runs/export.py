@@ -1,4 +1,4 @@
-"""A run as a folder to publish: what acts and what it is, without logs, pickles and what only this machine knows."""
+"""A run as a folder to publish: what acts and how it learned, without pickles and what only this machine knows."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ from typing import Any
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.io.files import removed_if_it_fails
+from bilateral_rl.io.files import read, removed_if_it_fails
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import load_policies, stack_states
 
 CARD = "README.md"
 """Name of the model card."""
+LEARNING = ("epochs.csv", "evaluations.csv")
+"""Names of the tables of how a run learned: of supervised training, and of reinforcement learning."""
+_LARGEST_TABLE = 2**25
+"""Largest table that is read, in bytes."""
 
 
 def check_free(path: Path) -> None:
@@ -67,6 +71,8 @@ def write_export(folder: RunFolder, only: int | None, weights: str, path: Path, 
             temporary.save_weights(FINAL, stack_states(states) if stacked else states[config.seed])
             temporary.write_json("status.json", status)
             temporary.write_json("versions.json", folder.read_json("versions.json", default={}))
+            for name in LEARNING:
+                _write_table(folder, only, name, temporary)
             temporary.write_text(CARD, card)
             load_policies(temporary)  # as whoever gets it will
             if path.exists():
@@ -85,3 +91,15 @@ def _status(folder: RunFolder, only: int | None) -> dict[str, Any]:
     of_seed = [one for one in status["seeds"] if isinstance(one, dict) and one.get("seed") == only]
     counts = {name: one[name] for one in of_seed for name in ("timesteps", "epochs") if name in one}
     return status | counts | {"seeds": of_seed}
+
+
+def _write_table(folder: RunFolder, only: int | None, name: str, to: RunFolder) -> None:
+    """Write the table ``name`` of a run, if it has one; of one seed, where it has rows of several."""
+    try:
+        text = read(folder.path / name, _LARGEST_TABLE, within=folder.path).decode("utf-8", "replace")
+    except FileNotFoundError:
+        return
+    header, *rows = text.splitlines() or [""]
+    if only is not None and header.startswith("seed,"):
+        rows = [row for row in rows if row.startswith(f"{only},")]
+    to.write_text(name, "\n".join([header, *rows]) + "\n")

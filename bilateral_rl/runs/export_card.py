@@ -95,6 +95,7 @@ def _text(config: TrainConfig, measures: Sequence[Measured], tests: str) -> str:
     )
     measured = f"{tests}{'; of the networks the mean, and from lowest to highest' if several else ''}:"
     rows = [f"| {measure.label} | {_in_words(measure)} |" for measure in measures]
+    learning = "epochs.csv" if config.algo == "bptt" else "evaluations.csv"
     policy = f"run.policy(seed={seeds[0]})" if several else "run.policy()"
     arguments = ", ".join(["8", f'"{config.task}"', "seed=0", *_trial_arguments(config)])
     return f"""# {_name(config)}
@@ -129,6 +130,7 @@ The same folder goes into every command in place of a run: `bilateral-rl evaluat
 |---|---|
 | `config.yaml` | every setting of the network, the arm, the trials and the training |
 | `weights/final.safetensors` | the weights |
+| `{learning}` | how it learned, where that is known |
 | `status.json` | how far the training came, and which run and weights these are |
 | `versions.json` | versions of the packages that trained it, and the machine |
 """

@@ -39,7 +39,9 @@ def test_all_networks_of_a_run_act_and_are_measured_as_they_were(bptt_run, tmp_p
     run = brl.load(bptt_run.path)
     made = run.export(tmp_path / "deep" / "made", **FEW)
     assert made == brl.load(tmp_path / "deep" / "made")
-    assert files(made.path) == ["README.md", "config.yaml", "status.json", "versions.json", "weights/final.safetensors"]
+    names = ["README.md", "config.yaml", "epochs.csv", "status.json", "versions.json", "weights/final.safetensors"]
+    assert files(made.path) == names
+    pd.testing.assert_frame_equal(made.curves(), run.curves())
     before, after = network_states(bptt_run), network_states(made.folder)
     assert before.keys() == after.keys()
     assert all(same_bits(before[seed], after[seed]) for seed in before)
@@ -57,11 +59,13 @@ def test_one_seed_of_several_and_weights_of_another_time(bptt_run, tmp_path, sam
     assert same_bits(network_states(made.folder)[2], expected)
     assert not same_bits(network_states(bptt_run, "final")[2], expected)
     assert [one["seed"] for one in made.status["seeds"]] == [2]
+    assert {line.split(",")[0] for line in (made.path / "epochs.csv").read_text().splitlines()} == {"seed", "2"}
     assert made.status["exported_from"] == "cc_s-bptt-1, best"
 
 
 def test_a_policy_of_reinforcement_learning_keeps_its_critics(run, tmp_path, same_bits):
     made = brl.load(run.path).export(tmp_path / "made", **FEW)
+    pd.testing.assert_frame_equal(made.curves(), brl.load(run.path).curves())
     states = [load_policies(folder)[0].state_dict() for folder in (run, made.folder)]
     assert same_bits(*states)
     assert any("critic" in name or "value" in name for name in states[0])
