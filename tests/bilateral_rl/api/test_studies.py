@@ -31,9 +31,7 @@ def asked(monkeypatch):
 def test_a_grid_of_python_values_is_that_of_the_command(asked):
     grid = {"epochs": [1, 2], "bptt.penalty": ["weights"], "bptt.penalty_coefficient": [None, 0.01]}
     with (
-        pytest.warns(
-            UserWarning, match=r"Failed: epochs=[12],penalty=weights,penalty_coefficient=(null|0\.01): no time"
-        ),
+        pytest.warns(UserWarning, match=r"Failed: epochs=\d,penalty=weights,penalty_coefficient=(null|0\.01): no"),
         pytest.raises(UserError, match="No training of the sweep is done; the logs are in study/logs"),
     ):
         brl.sweep(grid, seeds=2, settings={"bptt.patience": 3}, out="study", progress=False)
