@@ -1,6 +1,9 @@
 """Sweeps, reproductions, videos and imports from Python; what they compute is tested with the commands."""
 
+from pathlib import Path
+
 import pytest
+from made_up_answers import N, S, U, judgement
 from stable_baselines3 import PPO
 
 import bilateral_rl as brl
@@ -113,3 +116,13 @@ def test_curves_are_of_every_seed_or_of_one(loaded, run):
     of_ppo = brl.load(run.path).curves()
     assert of_ppo["timesteps"].is_monotonic_increasing
     assert set(of_ppo["seed"]) == {0}
+
+
+def test_a_reproduction_has_its_verdicts_as_tables():
+    judgements = [judgement("text", [S, N]), judgement("everything", [U, S])]
+    made = brl.Reproduction(Path("study"), judgements, [])
+    assert made.report == Path("study/report.html")
+    verdicts = made.verdicts.pivot_table(index="claim", columns="reading", values="verdict", aggfunc="first")
+    assert verdicts.loc[["C1", "C2"], ["text", "everything"]].to_numpy().tolist() == [[S, U], [N, S]]
+    assert set(made.claims["component_verdict"]) == {S, N, U}
+    assert "text: Of 2 claims: 1 supported, 1 not supported" in repr(made)
