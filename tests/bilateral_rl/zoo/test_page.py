@@ -21,7 +21,7 @@ SHORT = {
 
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
 def test_the_commands_run(zoo, tmp_path):
-    commands = LINE.findall(PAGE.read_text(encoding="utf-8"))
+    commands = LINE.findall(PAGE.read_text(encoding="utf-8").replace("\\\n", " "))
     assert {"train", "enjoy"} <= {command.split()[0] for command in commands}
     for command in commands:
         zoo(f"{command} {next(short for word, short in SHORT.items() if word in command)}")
