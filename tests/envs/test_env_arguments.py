@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from bilateral_rl import envs
 from bilateral_rl.envs import (
@@ -17,6 +18,7 @@ from bilateral_rl.envs import (
     ArmVectorEnv,
     TrialSettings,
     VectorReward,
+    VecVectorReward,
 )
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trials import TrialBatch
@@ -103,14 +105,20 @@ def test_settings_of_a_load_may_stand_in_settings_for_several_tasks():
 
 def shows(env):
     """The first observation, the first step's, and what is said of the environment."""
-    n = (env.num_envs,) if isinstance(env, ArmVecEnv) else ()
-    reset = env.reset() if isinstance(env, ArmVecEnv) else env.reset(seed=0)
+    n = (env.num_envs,) if isinstance(env, VecEnv) else ()
+    reset = env.reset() if isinstance(env, VecEnv) else env.reset(seed=0)
     step = env.step(np.zeros((*n, *env.action_space.shape), dtype=np.float32))
     return repr((reset, step, env.render_mode, env.metadata, env.observation_space, env.action_space))
 
 
 def pairs(value):
     return lambda transition: (value, -value)
+
+
+def pendulums(**arguments):
+    venv = DummyVecEnv([lambda: gymnasium.make("Pendulum-v1", **arguments)] * 2)
+    venv.seed(0)
+    return venv
 
 
 CONSTRUCTORS = {
@@ -130,6 +138,7 @@ CONSTRUCTORS = {
         "settings": {"sensory_noise": 0.1},
     },
     VectorReward: {"env": lambda: gymnasium.make("Pendulum-v1", g=5.0), "reward_pair": pairs(2.0)},
+    VecVectorReward: {"venv": lambda: pendulums(g=5.0), "reward_pairs": pairs(2.0)},
 }
 """Other values of each argument."""
 PLAIN = {
@@ -137,9 +146,10 @@ PLAIN = {
     ArmVecEnv: {"n_envs": 2, "seed": 0},
     ArmVectorEnv: {"num_envs": 2},
     VectorReward: {"env": lambda: gymnasium.make("Pendulum-v1"), "reward_pair": pairs(1.0)},
+    VecVectorReward: {"venv": lambda: pendulums(), "reward_pairs": pairs(1.0)},
 }
-ELSEWHERE = {"Arm", "ArmParameters", "TrialSettings"}
-"""Classes that other tests of this file look at."""
+ELSEWHERE = {"Arm", "ArmParameters", "TrialBatch", "TrialSettings"}
+"""Classes that other tests look at: of this file, and of trials in test_doors.py."""
 DATA = {"ArmState", "Transition", "Trials", "HoldPosition", "RandomReach", "Task"}
 """Classes without a constructor of their own: tuples of arrays, and tasks, which take no arguments."""
 
@@ -150,7 +160,7 @@ def test_every_public_class_is_looked_at():
 
 
 def built(cls, arguments):
-    arguments = {name: v() if name == "env" else v for name, v in (PLAIN[cls] | arguments).items()}
+    arguments = {name: v() if name in ("env", "venv") else v for name, v in (PLAIN[cls] | arguments).items()}
     return cls(**arguments)
 
 
