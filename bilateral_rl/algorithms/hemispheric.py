@@ -18,7 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
@@ -28,6 +28,7 @@ from bilateral_rl.algorithms.outer_rewards import RewardPairs
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies.motor_policy import check_commands
 from bilateral_rl.policies.sb3_arguments import available
 from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
 
@@ -124,6 +125,11 @@ class Hemispheric(BaseAlgorithm):
         model._tell_normalization()
         return model
 
+    @staticmethod
+    def _wrap_env(env: GymEnv, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        check_commands(env.action_space)  # here, as some of SB3's algorithms assert it and others do not
+        return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
+
     def set_env(self, env: GymEnv, force_reset: bool = True) -> None:
         """Take another environment as SB3 does; warns where it does not normalize observations as the one before."""
         super().set_env(env, force_reset)
@@ -168,7 +174,10 @@ class Hemispheric(BaseAlgorithm):
     def _setup_model(self) -> None:
         if not isinstance(self.observation_space, spaces.Box):
             name = type(self).__name__
-            raise ValueError(f"{name} needs observations in a Box, not {self.observation_space}; flatten them.")
+            raise ValueError(
+                f"{name} needs observations in a Box, not {self.observation_space}: flatten them, as by "
+                "gymnasium.wrappers.FlattenObservation."
+            )
         self.action_traces = checked_decays(self.action_traces)  # a saved model has them in a list
         self._check_attributes()
         if isinstance(self.action_space, spaces.Box):  # the policy refuses any other

@@ -27,7 +27,7 @@ from bilateral_rl.algorithms.arguments import OFF_POLICY
 from bilateral_rl.algorithms.finite import check_observations
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, outermost_pairs
-from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples
+from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples, check_fits
 from bilateral_rl.algorithms.stream_scale import StreamScale, penalty_scales
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy
@@ -139,10 +139,10 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
                 stays.
         """
         present = self.replay_buffer
-        assert isinstance(present, StreamReplayBuffer)
+        shape = (max(self.buffer_size // self.n_envs, 1), self.n_envs, self.policy.n_streams)
         try:
             super().load_replay_buffer(path, truncate_last_traj)
-            present.check_fits(self.replay_buffer)
+            check_fits(self.replay_buffer, (self.observation_space, self.action_space), shape, self.action_traces)
         except (ValueError, OSError):
             self.replay_buffer = present
             raise
@@ -163,7 +163,15 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         tb_log_name: str = "run",
         progress_bar: bool = False,
     ) -> tuple[int, BaseCallback]:
+        begins = reset_num_timesteps or self._last_obs is None
         prepared = super()._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+        if begins and (normalizer := self._vec_normalize_env) is not None:
+            stored = normalizer.normalize_obs(normalizer.get_original_obs())
+            if not np.array_equal(stored, self._last_obs):  # type: ignore[arg-type] # neither is a dictionary
+                raise ValueError(
+                    "a wrapper around VecNormalize changes observations, which a replay buffer keeps as they were "
+                    "before: put VecNormalize around that wrapper."
+                )
         self._scale_replay_buffer()  # which may have another scale since the last time
         return prepared
 
@@ -202,19 +210,21 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         if ended := [i for i in np.flatnonzero(dones).tolist() if infos[i].get("terminal_observation") is not None]:
             last = np.stack([infos[i]["terminal_observation"] for i in ended])
             check_observations(last, self.num_timesteps, ended)
-        replay_buffer.next_rewards = self._stream_rewards(self._pairs(infos), reward, without=self._vec_normalize_env)
+        replay_buffer.next_rewards = self._stream_rewards(
+            self._pairs(infos, reward), reward, without=self._vec_normalize_env
+        )
         replay_buffer.next_traces = self._last_traces
         self._trace(buffer_action, dones)
         super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
 
-    def _pairs(self, infos: list[dict[str, Any]]) -> RewardPairs:
+    def _pairs(self, infos: list[dict[str, Any]], rewards: NDArray[np.float32]) -> RewardPairs:
         """Return the pairs of rewards of the last step.
 
         Raises:
             ValueError: none, or some that ``VecNormalize`` does not normalize.
         """
         assert self.env is not None
-        given, normalizer = outermost_pairs(self.env, infos, self.num_timesteps), self._vec_normalize_env
+        given, normalizer = outermost_pairs(self.env, infos, rewards, self.num_timesteps), self._vec_normalize_env
         if normalizer is not None and normalizer.norm_reward and normalizer not in given.normalizers:
             raise ValueError(
                 "a wrapper around VecNormalize gives pairs of rewards, which a replay buffer cannot normalize when it "

@@ -107,7 +107,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             if is_direct:
                 pairs[step], outer[step] = own_pairs(env, self.num_timesteps), rewards
             else:
-                streams = self._stream_rewards(outermost_pairs(env, infos, self.num_timesteps), rewards)
+                streams = self._stream_rewards(outermost_pairs(env, infos, rewards, self.num_timesteps), rewards)
             rollout_buffer.add(latent_actions, streams, dones, log_probs)
             traces = self._trace(squashed, dones)
             if dones.any():

@@ -89,7 +89,7 @@ def own_pairs(env: VecEnv, step: int) -> Float32:
     return checked_pairs(getattr(env, _ATTRIBUTE), env.num_envs, whose)
 
 
-def outermost_pairs(env: VecEnv, infos: Sequence[Mapping[str, Any]], step: int) -> RewardPairs:
+def outermost_pairs(env: VecEnv, infos: Sequence[Mapping[str, Any]], rewards: Float32, step: int) -> RewardPairs:
     """Return the pairs of the last step, from their outermost source.
 
     Sources are ``last_vector_reward`` (n_envs, 2) of the environment or of a wrapper, and ``info["vector_reward"]``
@@ -98,6 +98,7 @@ def outermost_pairs(env: VecEnv, infos: Sequence[Mapping[str, Any]], step: int) 
     Args:
         env: the environment with all its wrappers.
         infos: what its last step returned.
+        rewards: likewise, (n_envs,).
         step: number of that step, for errors.
 
     Raises:
@@ -110,19 +111,32 @@ def outermost_pairs(env: VecEnv, infos: Sequence[Mapping[str, Any]], step: int) 
         if isinstance(layer, VecNormalize) and layer.norm_reward:
             normalizers.append(layer)
         layer = layer.venv
-    around = tuple(reversed(normalizers))
-    if not _has_pairs(layer):
-        return RewardPairs(_pairs_of_infos(infos, step), around)
-    pairs = own_pairs(layer, step)
-    if not is_foreign or not any(_KEY in info for info in infos):
-        return RewardPairs(pairs, around)
-    by_info = _pairs_of_infos(infos, step)
-    if isinstance(layer, VecEnvWrapper) and not np.array_equal(by_info, pairs):
-        raise ValueError(
-            f"two sources give different pairs of rewards, {_ATTRIBUTE} of {type(layer).__name__} and info['{_KEY}'], "
-            f"and nothing says which is the outer one: let the outermost wrapper have {_ATTRIBUTE} (n_envs, 2)."
-        )
-    return RewardPairs(by_info, around)  # an environment has no wrapper within, so that infos come from further out
+    around, has_pairs = tuple(reversed(normalizers)), _has_pairs(layer)
+    if has_pairs and not (is_foreign and any(_KEY in info for info in infos)):
+        return RewardPairs(own_pairs(layer, step), around)
+    by_info = RewardPairs(_pairs_of_infos(infos, step), around)
+    if not is_foreign:
+        return by_info
+    candidates = [by_info, by_info._replace(normalizers=())]  # a wrapper may have put them there around a normalizer
+    if has_pairs and isinstance(layer, VecEnvWrapper):  # whatever is not one has no wrapper within to fill infos
+        candidates.insert(0, RewardPairs(own_pairs(layer, step), around))
+    return _one_of(candidates, rewards)
+
+
+def _one_of(candidates: Sequence[RewardPairs], rewards: Float32) -> RewardPairs:
+    """Return the pairs that agree with the rewards (n,) of the outermost wrapper, or the first if none do.
+
+    Raises:
+        ValueError: different pairs that do.
+    """
+    agreeing = [each for each in candidates if each.agreement(rewards).all()]
+    for other in agreeing[1:]:
+        if not np.array_equal(other.pairs, agreeing[0].pairs):
+            raise ValueError(
+                f"{_ATTRIBUTE} of a wrapper and info['{_KEY}'] are different pairs of rewards of the same mean, and "
+                f"nothing says which is the outer one: let the outermost wrapper have {_ATTRIBUTE} (n_envs, 2)."
+            )
+    return (*agreeing, *candidates)[0]
 
 
 def _has_pairs(layer: VecEnv) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import Space
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.vec_env import VecNormalize
@@ -65,39 +66,6 @@ class StreamReplayBuffer(ReplayBuffer):
         size = self.action_traces.size
         self.traces = np.zeros((self.buffer_size, self.n_envs, size), dtype=np.float32) if size else None
 
-    def check_fits(self, other: object) -> None:
-        """Refuse another buffer in the place of this one.
-
-        Raises:
-            ValueError: what is no such buffer, or one of another environment, loss, size, or of other traces.
-        """
-        if not isinstance(other, StreamReplayBuffer):
-            raise ValueError(
-                f"the file holds a {type(other).__name__}, not the replay buffer of a hemispheric algorithm, which has "
-                "the rewards of every stream."
-            )
-        decays = other.action_traces.decays if hasattr(other, "action_traces") else ()
-        if decays != self.action_traces.decays:
-            raise ValueError(
-                f"the replay buffer holds traces of decays {decays}, and action_traces is {self.action_traces.decays}."
-            )
-        for what in ("observation_space", "action_space"):
-            if getattr(other, what) != getattr(self, what):
-                raise ValueError(
-                    f"the replay buffer is of another environment: its {what} is {getattr(other, what)}, not "
-                    f"{getattr(self, what)}."
-                )
-        if other.rewards.shape != self.rewards.shape:
-            names = ("steps", "environments", "streams")
-            (theirs, ours) = (
-                ", ".join(f"{n:,} {name}" for n, name in zip(buffer.rewards.shape, names, strict=True))
-                for buffer in (other, self)
-            )
-            raise ValueError(
-                f"the replay buffer is of another size or loss: it has {theirs}, and the model's has {ours}; load it "
-                "into a model of the same buffer_size, number of environments and loss."
-            )
-
     def scale_to(self, reward_scale: float) -> None:
         """Let all rewards, also those that are kept, be scaled by ``reward_scale``."""
         if self.reward_scale not in (None, reward_scale):
@@ -148,3 +116,41 @@ class StreamReplayBuffer(ReplayBuffer):
             before if self.traces is None else self.action_traces.advance(before, actions),
         )
         return StreamSamples(*(self.to_torch(column) for column in columns))  # type: ignore[arg-type]
+
+
+def check_fits(
+    buffer: object,
+    spaces: tuple[Space[Any], Space[Any]],
+    shape: tuple[int, int, int],
+    decays: Sequence[float],
+) -> None:
+    """Refuse a buffer that a model cannot go on with.
+
+    Args:
+        buffer: what a file holds.
+        spaces: of the model's observations and actions.
+        shape: (buffer_size, n_envs, n_streams) of the model's.
+        decays: of the traces that the model's critics see.
+
+    Raises:
+        ValueError: what is no such buffer, or one of another environment, loss, size, or of other traces.
+    """
+    if not isinstance(buffer, StreamReplayBuffer):
+        raise ValueError(
+            f"the file holds a {type(buffer).__name__}, not the replay buffer of a hemispheric algorithm, which has "
+            "the rewards of every stream."
+        )
+    theirs = buffer.action_traces.decays if hasattr(buffer, "action_traces") else ()
+    if theirs != tuple(decays):
+        raise ValueError(f"the replay buffer holds traces of decays {theirs}, and action_traces is {tuple(decays)}.")
+    for what, own in zip(("observation_space", "action_space"), spaces, strict=True):
+        if getattr(buffer, what) != own:
+            raise ValueError(
+                f"the replay buffer is of another environment: its {what} is {getattr(buffer, what)}, not {own}."
+            )
+    if buffer.rewards.shape != shape:
+        found, wanted = ("{:,} steps, {} environments, {} streams".format(*s) for s in (buffer.rewards.shape, shape))
+        raise ValueError(
+            f"the replay buffer is of another size or loss: it has {found}, and the model's has {wanted}; load it into "
+            "a model of the same buffer_size, number of environments and loss."
+        )

@@ -9,6 +9,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
+from bilateral_rl.algorithms.finite import DivergedError
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ENVIRONMENT_IDS
 from bilateral_rl.io import event_files
@@ -131,6 +132,8 @@ class RLLearner(Learner):
             return False
         except ValueError as error:  # torch refuses a distribution around what is not finite
             self._check_finite(error)
+            if isinstance(error, DivergedError):
+                raise Diverged(self._how_it_diverged()) from error
             raise
         return True
 
@@ -157,6 +160,7 @@ class RLLearner(Learner):
             except ValueError:
                 is_finite = False
         if not is_finite:
-            raise Diverged(
-                f"The policy diverged after {self.done:,} steps; try a smaller {self._config.algo}.learning_rate."
-            ) from cause
+            raise Diverged(self._how_it_diverged()) from cause
+
+    def _how_it_diverged(self) -> str:
+        return f"The policy diverged after {self.done:,} steps; try a smaller {self._config.algo}.learning_rate."

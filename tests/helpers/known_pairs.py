@@ -35,7 +35,13 @@ class KnownPairs(gymnasium.Env):
     def step(self, action):
         self.steps += 1
         pair = self.steps * PAIR
-        return self._observation(), float(pair.mean()), self.steps == LENGTH, False, {"vector_reward": pair}
+        return (
+            self._observation(),
+            float(pair.mean()),
+            self.steps == LENGTH,
+            False,
+            {"vector_reward": pair},
+        )
 
     def _observation(self):
         space = self.observation_space
@@ -80,6 +86,14 @@ class OwnPair(Passing):
         return info["vector_reward"] if "vector_reward" in info else self.venv.last_vector_reward[number]
 
 
+class Anew(OwnPair):
+    """Puts such a pair into infos and its mean into the reward, whatever the reward has become within."""
+
+    def step_wait(self):
+        observations, _, dones, infos = super().step_wait()
+        return observations, np.array([info["vector_reward"].mean() for info in infos]), dones, infos
+
+
 class OwnPairOnly(OwnPair):
     """The same, but with the reward as it was."""
 
@@ -95,6 +109,15 @@ class OwnAttribute(Passing):
         observations, _, dones, infos = self.venv.step_wait()
         self.last_vector_reward = np.array([info["vector_reward"] for info in infos]) * np.array([3, 1], np.float32)
         return observations, self.last_vector_reward.mean(axis=1), dones, infos
+
+
+class Swapped(Passing):
+    """Gives both sides' rewards the other way round, as ``last_vector_reward``, and leaves infos."""
+
+    def step_wait(self):
+        observations, rewards, dones, infos = self.venv.step_wait()
+        self.last_vector_reward = np.array([info["vector_reward"][::-1] for info in infos])
+        return observations, rewards, dones, infos
 
 
 def half(env, **arguments):

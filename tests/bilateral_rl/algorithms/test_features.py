@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from gymnasium.wrappers import FrameStackObservation
-from hemispheric_models import ALGORITHMS, STOCK, make_model
-from known_pairs import KnownPairs
+from hemispheric_models import ALGORITHMS, OFF_POLICY, STOCK, make_model
+from known_pairs import KnownPairs, Passing, two
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.common.vec_env import DummyVecEnv
+from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
 from bilateral_rl.envs import ArmEnv
 
@@ -59,3 +60,45 @@ def test_training_sees_what_acting_saw(algorithm, make, shape):
 
 def small(algorithm):
     return {"learning_starts": 20} if hasattr(algorithm, "load_replay_buffer") else {"n_steps": 20}
+
+
+class Shifted(Passing):
+    """Changes observations."""
+
+    def reset(self):
+        return self.venv.reset() + 1
+
+    def step_wait(self):
+        observations, *rest = self.venv.step_wait()
+        return observations + 1, *rest
+
+
+@pytest.mark.parametrize("wrap", [Shifted, lambda env: VecFrameStack(env, 2)], ids=["own", "VecFrameStack"])
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_what_changes_normalized_observations(algorithm, wrap):
+    """A replay buffer has what ``VecNormalize`` was given; PPO and A2C store what they act on."""
+    model = make_model(algorithm, env=wrap(VecNormalize(two())))
+    if algorithm in OFF_POLICY:
+        with pytest.raises(ValueError, match="a wrapper around VecNormalize changes observations"):
+            model.learn(80)
+    else:
+        model.learn(80)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_other_spaces_are_refused_in_a_sentence(algorithm):
+    class Choosing(KnownPairs):
+        action_space = spaces.Discrete(3)
+
+    class Named(KnownPairs):
+        def __init__(self):
+            self.observation_space = spaces.Dict({"a": spaces.Box(-1.0, 1.0, (3,))})
+
+        def reset(self, *, seed=None, options=None):
+            return {"a": np.zeros(3, np.float32)}, {}
+
+    for env in (Choosing(), DummyVecEnv([Choosing])):
+        with pytest.raises(ValueError, match=r"the policy commands muscles in a bounded Box, not Discrete\(3\)"):
+            make_model(algorithm, env=env)
+    with pytest.raises(ValueError, match=r"needs observations in a Box, not Dict.*flatten them, as by gymnasium"):
+        make_model(algorithm, env=DummyVecEnv([Named] * 4))
