@@ -155,7 +155,7 @@ def _metrics(requested: Sequence[str] | None, task: str, radius: float) -> list[
     metrics = [find_metric(name) for name in requested or [preferred_metric(task, radius)]]
     for metric in metrics:
         if task not in metric.tasks:
-            raise UserError(f"{metric.name} means nothing in {task}; choose another --metric.")
+            raise UserError(f"{metric.name} means nothing in {task}; leave it out of --metric.")
     return metrics
 
 
@@ -249,7 +249,7 @@ def _compare_lesions(
     measured, studied = list(dict.fromkeys(results["metric"])), protocols_in(results)
     for metric in metrics:
         if metric.name not in measured:
-            raise UserError(f"{source} has no {metric.name}; choose a --metric from {', '.join(measured)}.")
+            raise UserError(f"{source} has no {metric.name}; choose --metric from {', '.join(measured)}.")
     for name in protocols or ():
         if name not in studied:
             raise UserError(f"{source} has no --retrain {name}; choose from {', '.join(studied)}.")

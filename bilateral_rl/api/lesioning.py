@@ -67,11 +67,11 @@ def lesion(
         UserError: what cannot be lesioned or written; nothing is left then.
     """
     trials, seed = check_tests(trials, seed)
-    chosen = names("lesions", lesions)
+    chosen = names("--lesions", lesions)
     settings = LesionSettings(
         lesions=tuple(chosen) if chosen else None,
         protocols=tuple(protocols),
-        control=flag("control", control),
+        control=flag("--control", control),
         profile=None if profile is None else str(profile),
         trials=trials,
         seed=seed,

@@ -49,7 +49,7 @@ def plot_paths(
     Raises:
         UserError: a recording of several networks or lesions and no word on which, or one that is not in it.
     """
-    rows = _one(recording, seed, lesion)[: whole("trials", trials, least=1)]
+    rows = _one(recording, seed, lesion)[: whole("--trials", trials, least=1)]
     settings = recording.metadata["settings"]
     reach = sum(settings["arm"]["link_length"])
     axes = _axes(ax, (4.5, 4.2))
@@ -119,7 +119,7 @@ def plot_lesions(
         UserError: no such table, or a metric or model that is not in it.
     """
     if not isinstance(results, pd.DataFrame) or not {*COLUMNS} <= {*results.columns} or results.empty:
-        raise UserError("results must be a table of lesions, as `run.lesion()` returns it.")
+        raise UserError("--results must be a table of lesions, as `run.lesion()` returns it.")
     task = _only("task", results["task"].unique().tolist())
     of_model = _only("model", results["model"].unique().tolist(), model)
     found = find_metric(metric or preferred_metric(task, _USUAL_RADIUS))
@@ -144,7 +144,7 @@ def plot_curves(curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | 
         UserError: no such table, or no such column.
     """
     if not isinstance(curves, pd.DataFrame) or not {"model", "task", "seed"} <= {*curves.columns} or curves.empty:
-        raise UserError("curves must be a table of trainings, as `run.curves()` returns it.")
+        raise UserError("--curves must be a table of trainings, as `run.curves()` returns it.")
     if sum(curves[name].notna().any() for name in learning.PROGRESS if name in curves) != 1:
         raise UserError("Trainings by epochs and by steps have no axis in common; draw each in one of its own.")
     task = _only("task", curves["task"].unique().tolist())
@@ -166,13 +166,13 @@ def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
 
         return pyplot.figure(figsize=size, layout="constrained").subplots()
     if not isinstance(ax, Axes):
-        raise UserError(f"ax must be one axis of matplotlib, such as axes[0], not {type(ax).__name__}.")
+        raise UserError(f"--ax must be one axis of matplotlib, such as axes[0], not {type(ax).__name__}.")
     return ax
 
 
 def _check(recording: Recording) -> None:
     if not isinstance(recording, Recording):
-        raise UserError(f"recording must be one, as `run.record()` returns it, not {type(recording).__name__}.")
+        raise UserError(f"--recording must be one, as `run.record()` returns it, not {type(recording).__name__}.")
 
 
 def _one(recording: Recording, seed: int | None, lesion: str | None) -> np.ndarray:
@@ -188,7 +188,7 @@ def _only(name: str, present: Sequence[T], chosen: T | None = None) -> T:
     """Return the one that is chosen, or the only one that there is. Raises UserError for anything else."""
     words = ", ".join(map(str, present))
     if chosen is None and len(present) > 1:
-        raise UserError(f"There are several ({words}): say which {name}.")
+        raise UserError(f"There are several ({words}): say which by --{name}.")
     if chosen is not None and chosen not in present:
         raise UserError(f"There is no {name} {chosen}; choose from {words}.")
     return present[0] if chosen is None else chosen

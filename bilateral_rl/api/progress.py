@@ -26,7 +26,7 @@ def console_of(shown: ProgressLike) -> Console | None:
     if isinstance(shown, Console):
         return shown
     if not isinstance(shown, bool):
-        raise UserError(f"progress must be True, False or a console of rich, got {shown!r}.")
+        raise UserError(f"--progress must be True, False or a console of rich, got {shown!r}.")
     return Terminal(stderr=True) if shown else None
 
 

@@ -102,7 +102,7 @@ class Run:
 
         if seed is None and len(self.seeds) > 1:
             raise UserError(f"{self.name} has {seed_range(self.seeds)}: say which one, as seed={self.seeds[0]}.")
-        chosen = self.seeds[0] if seed is None else whole("seed", seed)
+        chosen = self.seeds[0] if seed is None else whole("--seed", seed)
         if chosen not in self.seeds:
             raise UserError(f"{self.name} has no seed {chosen}; it has {seed_range(self.seeds)}.")
         (policy,) = load_policies(self.folder, weights, chosen).values()
@@ -154,7 +154,7 @@ class Run:
         from bilateral_rl.api.evaluation import evaluate
 
         if by not in ("seed", "trial"):
-            raise UserError(f'by must be "seed" or "trial", got {by!r}.')
+            raise UserError(f'--by must be "seed" or "trial", got {by!r}.')
         evaluation = evaluate(
             self, trials, seed, lesion=lesion, task=task, settings=settings_by_name("--set", settings),
             deterministic=deterministic, weights=weights,
@@ -432,7 +432,7 @@ def load(run: str | Path | Run, seed: int | None = None) -> Run:
         UserError: there is no run there, it is damaged, or it has no such seed.
     """
     found = find_run(run)
-    return found if seed is None else one_seed(found.folder, whole("seed", seed))
+    return found if seed is None else one_seed(found.folder, whole("--seed", seed))
 
 
 def find_run(run: str | Path | Run) -> Run:

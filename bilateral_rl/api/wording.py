@@ -30,7 +30,7 @@ _CALLS = {
     "import": "import_model",
 }
 """What a command that a sentence advises is in Python, with the place of RUN."""
-_COMMAND = re.compile(r"`bilateral-rl ([^`]+)`")
+_CODE, _PROGRAM = re.compile(r"(`[^`]*`)"), "`bilateral-rl "
 _OPTION = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*")
 
 
@@ -50,11 +50,13 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
 def python_words(sentence: str) -> str:
     """Return a sentence with arguments in place of options, and with calls in place of commands."""
-    parts = _COMMAND.split(sentence)  # every second one is what a command is called with
-    return "".join(
-        f"`{_call(part)}`" if i % 2 else _OPTION.sub(lambda found: argument(found[0]), part)
-        for i, part in enumerate(parts)
-    )
+    return "".join(map(_in_python, _CODE.split(sentence)))
+
+
+def _in_python(part: str) -> str:
+    if part.startswith(_PROGRAM):
+        return f"`{_call(part[len(_PROGRAM) : -1])}`"
+    return part if _CODE.fullmatch(part) else _OPTION.sub(lambda found: f"`{argument(found[0])}`", part)
 
 
 def argument(option: str) -> str:

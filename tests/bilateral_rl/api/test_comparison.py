@@ -48,9 +48,9 @@ def test_lesions_are_compared_from_their_table_as_from_the_folder(loaded, undraw
         (lambda a, b: brl.compare(), "There is nothing to compare"),
         (lambda a, b: brl.compare(a, a), "Seed 0 of .* is there 2 times"),
         (lambda a, b: brl.compare(a, b, metrics="beauty"), "Unknown metric 'beauty'"),
-        (lambda a, b: brl.compare(a, b, metrics="hold_speed"), "choose another metrics"),
-        (lambda a, b: brl.compare(a, b, retrain="none"), "^retrain chooses among the lesions of one run"),
-        (lambda a, b: brl.compare(a, b, trials=0), "^trials must be at least 1"),
+        (lambda a, b: brl.compare(a, b, metrics="hold_speed"), "leave it out of `metrics`"),
+        (lambda a, b: brl.compare(a, b, retrain="none"), "^`retrain` chooses among the lesions of one run"),
+        (lambda a, b: brl.compare(a, b, trials=0), "^`trials` must be at least 1"),
         (
             lambda a, b: brl.compare(a),
             r"call `run = bilateral_rl.load\('.*bi_s-bptt-1'\); run.lesion\(out=run\.",

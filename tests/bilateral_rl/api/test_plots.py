@@ -98,16 +98,16 @@ def test_without_an_axis_there_is_a_new_figure(recording, monkeypatch):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (lambda r, t: brl.plot_paths(r), r"There are several \(0, 1, 2\): say which seed"),
-        (lambda r, t: brl.plot_paths(r, seed=0), r"There are several \(intact, callosum\): say which lesion"),
+        (lambda r, t: brl.plot_paths(r), r"There are several \(0, 1, 2\): say which by `seed`"),
+        (lambda r, t: brl.plot_paths(r, seed=0), r"There are several \(intact, callosum\): say which by `lesion`"),
         (lambda r, t: brl.plot_muscles(r, seed=7, lesion="intact"), "There is no seed 7; choose from 0, 1, 2"),
-        (lambda r, t: brl.plot_paths(r, seed=0, lesion="intact", trials=0), "^trials must be at least 1"),
-        (lambda r, t: brl.plot_speeds(t), "recording must be one, as `run.record"),
-        (lambda r, t: brl.plot_speeds(r, [1]), "ax must be one axis of matplotlib, such as axes.0., not list"),
-        (lambda r, t: brl.plot_lesions(r), "results must be a table of lesions"),
+        (lambda r, t: brl.plot_paths(r, seed=0, lesion="intact", trials=0), "^`trials` must be at least 1"),
+        (lambda r, t: brl.plot_speeds(t), "`recording` must be one, as `run.record"),
+        (lambda r, t: brl.plot_speeds(r, [1]), "`ax` must be one axis of matplotlib, such as axes.0., not list"),
+        (lambda r, t: brl.plot_lesions(r), "`results` must be a table of lesions"),
         (lambda r, t: brl.plot_lesions(t, metric="hold_speed"), "The table has no hold_speed; choose a metric from"),
         (lambda r, t: brl.plot_lesions(t, model="bi_s"), "There is no model bi_s; choose from cc_s"),
-        (lambda r, t: brl.plot_curves(t), "have no axis in common|curves must be"),
+        (lambda r, t: brl.plot_curves(t), "have no axis in common|`curves` must be"),
     ],
 )
 def test_a_slip_is_a_sentence(recording, results, wrong, says):

@@ -61,20 +61,20 @@ def test_who_stops_a_study_is_told_how_to_go_on(monkeypatch):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (lambda: brl.sweep({}), "^A sweep needs a grid of 1 to 1,000 points"),
-        (lambda: brl.sweep(["epochs=1"]), "^grid takes values by setting"),
-        (lambda: brl.sweep({"epochs": "1,2"}), "^grid takes values by setting"),
-        (lambda: brl.sweep({"epochs": [object()]}), "^grid takes numbers, words and lists of them"),
-        (lambda: brl.sweep({"algo": ["sac"]}), "leave algo out of grid and settings"),
-        (lambda: brl.sweep({"epochs": [1]}, jobs=0), "^jobs must be at least 1"),
-        (lambda: brl.sweep({"epochs": [1]}, trials=0), "^trials must be at least 1"),
+        (lambda: brl.sweep({}), "^A sweep needs a `grid` of 1 to 1,000 points"),
+        (lambda: brl.sweep(["epochs=1"]), "^`grid` takes values by setting"),
+        (lambda: brl.sweep({"epochs": "1,2"}), "^`grid` takes values by setting"),
+        (lambda: brl.sweep({"epochs": [object()]}), "^`grid` takes numbers, words and lists of them"),
+        (lambda: brl.sweep({"algo": ["sac"]}), "leave algo out of `grid` and `settings`"),
+        (lambda: brl.sweep({"epochs": [1]}, jobs=0), "^`jobs` must be at least 1"),
+        (lambda: brl.sweep({"epochs": [1]}, trials=0), "^`trials` must be at least 1"),
         (lambda: brl.reproduce("evolution"), "Unknown algorithm 'evolution'"),
         (lambda: brl.reproduce(models="cc"), "Unknown model 'cc'"),
         (
             lambda: brl.reproduce(seeds=range(2), settings={"seed": 3}),
-            "the first seed, and so does settings seed",
+            "the first seed, and so does `settings` seed",
         ),
-        (lambda: brl.reproduce(settings={"model": "cc_s"}), "^settings cannot change model"),
+        (lambda: brl.reproduce(settings={"model": "cc_s"}), "^`settings` cannot change model"),
         (lambda: brl.reproduce(readings="nonsense"), "nonsense"),
         (lambda: brl.render(), "`bilateral_rl.list_runs"),
         (lambda: brl.import_model("none.zip", "random_reach"), "There is no file none.zip"),
@@ -89,7 +89,7 @@ def test_a_slip_is_a_sentence_and_leaves_nothing(wrong, says, tmp_path):
 
 def test_a_saved_model_becomes_a_run_if_it_is_trusted():
     PPO("CallosalPolicy", ArmVecEnv(2), n_steps=8, batch_size=16, device="cpu").save("model.zip")
-    with pytest.raises(UserError, match="add trust_pickle=True if you trust where it comes from"):
+    with pytest.raises(UserError, match="add `trust_pickle=True` if you trust where it comes from"):
         brl.import_model("model.zip", "random_reach")
     run = brl.import_model("model.zip", "random_reach", trust_pickle=True, settings={"trial.threshold": 0.03})
     assert (run.status["state"], run.config.trial.threshold) == ("imported", 0.03)
@@ -102,9 +102,9 @@ def test_a_video_is_where_it_is_wanted(loaded, tmp_path):
         path = loaded.render("film.gif", trials=1, size=320, progress=False)
     assert warned[0].filename == __file__
     assert path.stat().st_size > 10_000
-    with pytest.raises(UserError, match=r"^size must be an even number of at least 320 pixels, got 321"):
+    with pytest.raises(UserError, match=r"^`size` must be an even number of at least 320 pixels, got 321"):
         brl.render(loaded, size=321)
-    with pytest.raises(UserError, match=r"^slow_down must be from 2 to 20"):
+    with pytest.raises(UserError, match=r"^`slow_down` must be from 2 to 20"):
         brl.render(loaded, slow_down=1)
 
 

@@ -46,9 +46,9 @@ def test_arguments_win_over_settings_and_these_over_a_configuration():
 def test_a_run_goes_on_where_it_was():
     run = brl.train(settings=SETTINGS, **SHORT).resume(timesteps=1600, progress=False)
     assert run.status["timesteps"] == run.config.timesteps == 1600
-    with pytest.raises(UserError, match="has done its 1,600 steps; give a larger timesteps to train it further"):
+    with pytest.raises(UserError, match="has done its 1,600 steps; give a larger `timesteps` to train it further"):
         run.resume(progress=False)
-    with pytest.raises(UserError, match=r"resume\(\) takes only timesteps, track, device here, not epochs"):
+    with pytest.raises(UserError, match=r"`resume\(\)` takes only `timesteps`, `track`, `device` here, not `epochs`"):
         run.resume(epochs=3)
 
 
@@ -57,14 +57,14 @@ def test_a_run_goes_on_where_it_was():
     [
         ({"model": "cc"}, "Unknown model 'cc'"),
         ({"n_envs": 0}, "n_envs must be at least 1"),
-        ({"seeds": 0}, "^seeds must be at least 1, got 0"),
-        ({"seeds": [3, 5]}, r"^seeds takes consecutive seeds, such as range\(100, 130\), not \[3, 5\]"),
-        ({"seeds": range(2, 4), "seed": 1}, "^seeds 2..3 names the first seed, and so does seed: leave one of them"),
-        ({"settings": ["ppo.gamma=1"]}, "^settings takes settings by name"),
+        ({"seeds": 0}, "^`seeds` must be at least 1, got 0"),
+        ({"seeds": [3, 5]}, r"^`seeds` takes consecutive seeds, such as range\(100, 130\), not \[3, 5\]"),
+        ({"seeds": range(2, 4), "seed": 1}, "^`seeds` 2..3 names the first seed, and so does `seed`: leave"),
+        ({"settings": ["ppo.gamma=1"]}, "^`settings` takes settings by name"),
         ({"settings": {"ppo.gama": 1}}, "Unknown setting 'gama' in ppo"),
         ({"config": "none.yaml"}, "Cannot read the configuration none.yaml"),
         ({"init_from": "runs/none"}, r"There is no run runs/none; `bilateral_rl.list_runs\(\)` shows those there are"),
-        ({"algo": "bptt", "timesteps": 5}, "leave it out or choose the algo"),
+        ({"algo": "bptt", "timesteps": 5}, "leave it out or choose the `algo`"),
         ({"device": "cuda:99"}, "device"),
     ],
 )

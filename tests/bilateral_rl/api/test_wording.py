@@ -9,12 +9,13 @@ from bilateral_rl.io.errors import UserError
 @pytest.mark.parametrize(
     ("sentence", "words"),
     [
-        ("Choose another --out.", "Choose another out."),
-        ("--trials must be at least 1, got 0.", "trials must be at least 1, got 0."),
-        ("leave algo out of --grid and --set.", "leave algo out of grid and settings."),
-        ("use --retrain-optimizer fresh.", "use retrain_optimizer fresh."),
-        ("which this run has; use --no-retrain.", 'which this run has; use retrain="none".'),
+        ("Choose another --out.", "Choose another `out`."),
+        ("--trials must be at least 1, got 0.", "`trials` must be at least 1, got 0."),
+        ("leave algo out of --grid and --set.", "leave algo out of `grid` and `settings`."),
+        ("use --retrain-optimizer fresh.", "use `retrain_optimizer` fresh."),
+        ("which this run has; use --no-retrain.", 'which this run has; use `retrain="none"`.'),
         ("a--b and --- stay.", "a--b and --- stay."),
+        ("start one with `ray start --head`, or --jobs 2.", "start one with `ray start --head`, or `jobs` 2."),
         ("`bilateral-rl list` shows those there are.", "`bilateral_rl.list_runs()` shows those there are."),
         ("`bilateral-rl train` makes one.", "`bilateral_rl.train()` makes one."),
         ("begin by `bilateral-rl train --init-from 'a b'`.", "begin by `bilateral_rl.train(init_from='a b')`."),
@@ -47,6 +48,6 @@ def test_an_error_keeps_its_kind_and_what_the_command_line_says():
     def outer():
         refuse()
 
-    with pytest.raises(OddError, match=r"^choose another out\.$") as refusal:
+    with pytest.raises(OddError, match=r"^choose another `out`\.$") as refusal:
         outer()
     assert refusal.value.on_command_line == "choose another --out."

@@ -286,9 +286,9 @@ def test_metrics_that_are_unknown_or_mean_nothing_in_the_task_are_refused(call, 
     runs = [make_run(model, task="hold_position").path for model in ("uni_b", "cc_s")]
     for chosen in (runs, [lesioned.path]):
         assert "Unknown metric 'speed'; choose from final_error" in refused(call, *chosen, "--metric", "speed")
-        says = "sparc means nothing in hold_position; choose another --metric"
+        says = "sparc means nothing in hold_position; leave it out of --metric"
         assert says in refused(call, *chosen, *EFFORT, "--metric", "sparc")
-    says = "no time_in_goal_2cm; choose a --metric from time_in_goal_5cm, effort."
+    says = "no time_in_goal_2cm; choose --metric from time_in_goal_5cm, effort."
     assert says in refused(call, lesioned.path, "--metric", "time_in_goal_2cm")
 
 
