@@ -21,4 +21,6 @@ class Roles(griffe.Extension):
 
 def _words(role: re.Match[str]) -> str:
     short, name = role.groups()
-    return f"`{name.rpartition('.')[2] if short else name}`"
+    words = name.rpartition(".")[2] if short else name
+    # Optional: not everything that docstrings name has a place in the API.
+    return f'<autoref optional identifier="{name}"><code>{words}</code></autoref>'

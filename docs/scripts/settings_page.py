@@ -39,10 +39,8 @@ UNITS = (
     "optimal lengths", "optimal lengths/s", "1/s",
 )  # fmt: skip
 """What counts as a unit when it stands in parentheses in a description."""
-CHOICES = {
-    name: ", ".join(f"`{choice}`" for choice in choices)
-    for name, choices in {"algo": CONFIGS, "model": MODELS, "task": TASK_SPECS}.items()
-}
+_NAMED: dict[str, Iterable[str]] = {"algo": CONFIGS, "model": MODELS, "task": TASK_SPECS}
+CHOICES = {name: ", ".join(f"`{choice}`" for choice in choices) for name, choices in _NAMED.items()}
 
 HEAD = """# Every setting
 
