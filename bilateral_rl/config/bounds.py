@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from bilateral_rl.config.hyperparameters import (
     BPTTHyperparameters,
     OffPolicyHyperparameters,
     OnPolicyHyperparameters,
+    TD3Hyperparameters,
 )
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
@@ -56,6 +58,31 @@ def check_trial(config: TrainConfig) -> None:
     for name, value in _numbers("trial", dataclasses.asdict(config.trial)):
         if value and not SMALLEST <= abs(value) <= LARGEST:
             raise UserError(f"{name} must lie between {SMALLEST:g} and {LARGEST:g} in size, got {value:g}.")
+
+
+def check_updates(config: TrainConfig) -> None:
+    """Raise a UserError for a new training that ends before its network would be updated once.
+
+    Runs that were made so can be read, so that :func:`check` does not ask.
+    """
+    if not isinstance(config, RLConfig) or not isinstance(config.hyperparameters, OffPolicyHyperparameters):
+        return
+    algo, chosen = config.algo, config.hyperparameters
+    at_a_time = config.n_envs * chosen.train_freq
+    rounds = math.ceil(config.timesteps / at_a_time) - chosen.learning_starts // at_a_time
+    updates = max(rounds, 0) * chosen.gradient_steps
+    if not updates:
+        raise UserError(
+            f"There would be no update: {algo}.learning_starts is {chosen.learning_starts:,} of {config.timesteps:,} "
+            "timesteps. Give fewer of the former or more of the latter."
+        )
+    delay = chosen.policy_delay if isinstance(chosen, TD3Hyperparameters) else 1
+    if updates // delay <= chosen.critic_warm_up // delay:
+        besides = f" with {algo}.policy_delay {delay}" if delay > 1 else ""
+        raise UserError(
+            f"The network would never be updated: {algo}.critic_warm_up is {chosen.critic_warm_up:,} of {updates:,} "
+            f"updates{besides}. Give fewer of the former, or more timesteps."
+        )
 
 
 def _check_network(config: TrainConfig) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict
+from pydantic import BeforeValidator, Field, Strict
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Positive, Whole
@@ -25,7 +25,8 @@ CountOrNone = Annotated[Whole, Field(ge=0, le=MOST_COUNTED)]
 """A count that may be 0."""
 KeptSteps = Annotated[Whole, Field(ge=1, le=MOST_NUMBERS // NUMBERS_PER_STEP)]
 AtOnce = Annotated[Whole, Field(ge=1, le=MOST_ARMS)]
-Flag = Annotated[bool, Strict()]
+Flag = Annotated[bool, Strict(), BeforeValidator(lambda value: value.item() if hasattr(value, "item") else value)]
+"""True or false, NumPy's too."""
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Decay = Annotated[Number, Field(ge=0, lt=1)]
 MOST_TRACES = 8

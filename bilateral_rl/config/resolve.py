@@ -13,7 +13,7 @@ import yaml
 from bilateral_rl.config.bounds import check
 from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge
-from bilateral_rl.config.schema import CONFIGS, TrainConfig
+from bilateral_rl.config.schema import CONFIGS, SACConfig, TrainConfig
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 
@@ -46,7 +46,22 @@ def resolve(
         values = merge(values, _without_defaults(layer) if _is_of_another(layer, names) else layer)
     config = from_values(values | names)
     check(config)
+    for layer in layers:
+        if not _is_whole(layer):
+            _check_effect(layer, config)
     return config
+
+
+def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
+    """Raise a UserError for what ``layer`` sets and another setting leaves without effect."""
+    sac = layer.get("sac")
+    if not isinstance(config, SACConfig) or config.sac.ent_coef is None or not isinstance(sac, Mapping):
+        return
+    for name in ("initial_ent_coef", "target_entropy"):
+        if sac.get(name) is not None:
+            raise UserError(
+                f"sac.{name} is of a learned temperature, and sac.ent_coef gives one: leave one of them out."
+            )
 
 
 def _names_of(values: Mapping[str, Any]) -> dict[str, str]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 import typing
 from abc import ABC, abstractmethod
 from dataclasses import field
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.config.catalogue import MAX_SEEDS, ModelSpec, find_model
@@ -34,6 +35,11 @@ MAX_SEED = 2**32 - 1
 MOST_UNITS, MOST_LAYERS, MOST_THREADS = 10_000, 100, 1_000
 
 
+def _as_word(value: object) -> object:
+    """Take a path or a torch.device for the word that it writes."""
+    return str(value) if isinstance(value, os.PathLike) or type(value).__module__ == "torch" else value
+
+
 def _device(value: str) -> str:
     if not re.fullmatch(r"cpu|cuda(:[0-9]{1,3})?", value):
         raise ValueError(f"must be cpu, cuda or, for one of several, cuda:0 and so on, got {value!r}")
@@ -42,7 +48,8 @@ def _device(value: str) -> str:
 
 Seed = Annotated[Whole, Field(ge=0, le=MAX_SEED)]
 Units = Annotated[Whole, Field(ge=1, le=MOST_UNITS)]
-Device = Annotated[str, AfterValidator(_device)]
+Device = Annotated[str, BeforeValidator(_as_word), AfterValidator(_device)]
+RunPath = Annotated[str, BeforeValidator(_as_word)]
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -105,7 +112,7 @@ class TrainConfig(ABC):
     """Where arms and networks are computed: "cpu", "cuda" or "cuda:N"."""
     threads: Annotated[Whole, Field(ge=0, le=MOST_THREADS)] = 0
     """CPU threads; 0 for as many as there are."""
-    init_from: str | None = None
+    init_from: RunPath | None = None
     """RUN or RUN:seed whose network the training begins with; a fresh one by default."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
     trial: TrialSettings = field(default_factory=TrialSettings)

@@ -89,14 +89,25 @@ class Sweep:
         return Job(name, TRAIN_AND_MEASURE, result, arguments, cost, threads)
 
 
+_COMMA = re.compile(r",(?![^\[]*\])")
+"""A comma that is not within brackets."""
+
+
 def parse_grid(items: Sequence[str]) -> dict[str, list[str]]:
-    """Read ``["bptt.penalty=weights,activity"]`` as values by setting. Raises UserError for text of another form."""
+    """Read ``["bptt.penalty=weights,activity"]`` as values by setting, of which one may be a list in brackets.
+
+    Raises:
+        UserError: text of another form.
+    """
     grid: dict[str, list[str]] = {}
     for item in items:
         name, equals, values = item.partition("=")
-        texts = [text.strip() for text in values.split(",")]
-        if not name or not equals or not all(texts):
-            raise UserError(f"--grid takes key=value,value,…, such as bptt.penalty=weights,activity, not {item!r}.")
+        texts = [text.strip() for text in _COMMA.split(values)]
+        if not name or not equals or not all(text and text.count("[") == text.count("]") for text in texts):
+            raise UserError(
+                "--grid takes key=value,value,…, such as bptt.penalty=weights,activity or "
+                f"network.critic_arch=[32,32],[64], not {item!r}."
+            )
         if name in grid:
             raise UserError(f"--grid has {name} twice; give all its values at once.")
         grid[name] = texts

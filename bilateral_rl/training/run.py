@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 
+from bilateral_rl.config.bounds import check_updates
 from bilateral_rl.config.schema import BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import removed_if_it_fails
@@ -41,8 +42,10 @@ def prepare(config: TrainConfig) -> Prepared:
     """Refuse a new training that cannot be.
 
     Raises:
-        UserError: a device, a tracking service or an initial network that is not there.
+        UserError: a training that would update nothing, or a device, a tracking service or an initial network that is
+            not there.
     """
+    check_updates(config)
     _check_surroundings(config)
     return Prepared(config, initial=initial_states(config))
 

@@ -12,7 +12,8 @@ from bilateral_rl.config.resolve import resolve
 ALGORITHMS = ("ppo", "a2c", "sac", "td3")
 
 _OFF_POLICY = {"learning_starts": 200, "buffer_size": 1200, "batch_size": 16, "train_freq": 2}
-_OF = {"ppo": {"n_steps": 10, "batch_size": 40, "n_epochs": 2}, "a2c": {}, "sac": _OFF_POLICY, "td3": _OFF_POLICY}
+_TD3 = _OFF_POLICY | {"critic_warm_up": 20}
+_OF = {"ppo": {"n_steps": 10, "batch_size": 40, "n_epochs": 2}, "a2c": {}, "sac": _OFF_POLICY, "td3": _TD3}
 _SMALL = {
     "timesteps": 1_600,
     "n_envs": 8,

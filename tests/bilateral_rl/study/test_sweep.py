@@ -26,10 +26,14 @@ GRID = {"bptt.penalty_coefficient": ["1e-3", "3e-5"], "model": ["uni_dl", "uni_n
 def test_a_grid_is_read_as_it_is_written():
     grid = parse_grid(["bptt.penalty=weights,activity", "model= uni_dl , cc_s", "seed=3"])
     assert grid == {"bptt.penalty": ["weights", "activity"], "model": ["uni_dl", "cc_s"], "seed": ["3"]}
+    grid = parse_grid(["network.critic_arch=[32,32],[64, 64]", "ppo.gamma=0.9,0.97"])
+    assert grid == {"network.critic_arch": ["[32,32]", "[64, 64]"], "ppo.gamma": ["0.9", "0.97"]}
+    configs = [Sweep("ppo", grid).config(point) for point in Sweep("ppo", grid).points()]
+    assert [config.network.critic_arch for config in configs] == [(32, 32), (32, 32), (64, 64), (64, 64)]
     assert parse_grid(["init_from=runs/a=b"]) == {"init_from": ["runs/a=b"]}
 
 
-@pytest.mark.parametrize("item", ["bptt.penalty", "=1,2", "epochs=", "epochs=1,,2", "epochs=1,", ""])
+@pytest.mark.parametrize("item", ["bptt.penalty", "=1,2", "epochs=", "epochs=1,,2", "epochs=1,", "", "a=[1,2", "a=1]"])
 def test_what_is_no_grid_is_refused(item):
     with pytest.raises(UserError, match="--grid takes key=value,value") as error:
         parse_grid([item])

@@ -59,18 +59,6 @@ def without_sides(folder):
     return folder
 
 
-def test_an_old_run_goes_on_with_the_columns_that_its_table_has(run, tmp_path, same_bits):
-    old = without_sides(RunFolder(shutil.copytree(run.path, tmp_path / "old")))
-    longer = with_values(run.config(), timesteps=8_000)
-    for folder in (run, old):
-        resume(folder, longer)
-    expected = pd.read_csv(run.path / "evaluations.csv")
-    assert set(TAGS) <= set(expected)
-    pd.testing.assert_frame_equal(pd.read_csv(old.path / "evaluations.csv"), expected.drop(columns=list(TAGS)))
-    assert same_bits(old.load_weights("final"), run.load_weights("final"))
-    assert curves(old)["contribution/dominant"][-1] == curves(run)["contribution/dominant"][-1]
-
-
 def test_seeds_of_which_some_are_old_have_one_table(tmp_path, whole_run):
     folder = RunFolder(tmp_path)
     for seed in (0, 1):
