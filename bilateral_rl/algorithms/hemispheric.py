@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import pathlib
 import warnings
@@ -17,14 +18,14 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.running_mean_std import RunningMeanStd
-from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback
+from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorDict
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import Tensor, nn
 
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
 from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
-from bilateral_rl.algorithms.outer_rewards import RewardPairs
+from bilateral_rl.algorithms.outer_rewards import RewardPairs, check_one_reward
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
@@ -125,8 +126,20 @@ class Hemispheric(BaseAlgorithm):
         model._tell_normalization()
         return model
 
+    def set_parameters(
+        self, load_path_or_dict: str | TensorDict, exact_match: bool = True, device: torch.device | str = "auto"
+    ) -> None:
+        """Load parameters as SB3 does; where it refuses some, all stay as they were."""
+        present = copy.deepcopy(self.get_parameters())
+        try:
+            super().set_parameters(load_path_or_dict, exact_match, device)
+        except Exception:  # torch has copied what fits before it complains of the rest
+            super().set_parameters(present, device=device)  # type: ignore[arg-type] # SB3 takes what it gives
+            raise
+
     @staticmethod
     def _wrap_env(env: GymEnv, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+        check_one_reward(env)
         check_commands(env.action_space)  # here, as some of SB3's algorithms assert it and others do not
         return BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
+from stable_baselines3.common.type_aliases import GymEnv
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
 from bilateral_rl.reward_pair import checked_pairs
@@ -137,6 +139,30 @@ def _one_of(candidates: Sequence[RewardPairs], rewards: Float32) -> RewardPairs:
                 f"nothing says which is the outer one: let the outermost wrapper have {_ATTRIBUTE} (n_envs, 2)."
             )
     return (*agreeing, *candidates)[0]
+
+
+def check_one_reward(env: GymEnv) -> None:
+    """Refuse environments whose reward is a vector, as those of MO-Gymnasium, with nothing around that changes it.
+
+    Raises:
+        ValueError: such an environment, or such ones in a ``DummyVecEnv``.
+    """
+    for each in getattr(env, "envs", [env]):
+        layer = each
+        while isinstance(layer, gymnasium.Wrapper) and _passes_reward(layer):
+            layer = layer.env
+        shape = getattr(getattr(layer, "reward_space", None), "shape", ())
+        if not isinstance(layer, gymnasium.Wrapper) and shape not in ((), (1,), None):
+            raise ValueError(
+                f"the reward of the environment is a vector of shape {shape}: wrap it in "
+                "bilateral_rl.envs.VectorReward, which takes two rewards for the pair, or makes a pair of any "
+                "by a function of the step."
+            )
+
+
+def _passes_reward(wrapper: gymnasium.Wrapper[Any, Any, Any, Any]) -> bool:
+    known = type(wrapper).__module__.startswith(("gymnasium.", "stable_baselines3."))
+    return known and not isinstance(wrapper, gymnasium.RewardWrapper)
 
 
 def _has_pairs(layer: VecEnv) -> bool:

@@ -148,6 +148,10 @@ def check_fits(
             raise ValueError(
                 f"the replay buffer is of another environment: its {what} is {getattr(buffer, what)}, not {own}."
             )
+    for what in ("observations", "next_observations", "actions", "rewards"):
+        kept = getattr(buffer, what)[: buffer.size()]
+        if kept.dtype.kind == "f" and not np.isfinite(kept).all():
+            raise ValueError(f"the replay buffer has {what} that are not finite.")
     if buffer.rewards.shape != shape:
         found, wanted = ("{:,} steps, {} environments, {} streams".format(*s) for s in (buffer.rewards.shape, shape))
         raise ValueError(

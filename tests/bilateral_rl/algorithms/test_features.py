@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 from gymnasium import spaces
-from gymnasium.wrappers import FrameStackObservation
+from gymnasium.wrappers import FrameStackObservation, TimeLimit, TransformReward
 from hemispheric_models import ALGORITHMS, OFF_POLICY, STOCK, make_model
 from known_pairs import KnownPairs, Passing, two
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize
 
-from bilateral_rl.envs import ArmEnv
+from bilateral_rl.envs import ArmEnv, VectorReward
 
 pytestmark = pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
 EVERY = [*ALGORITHMS, *STOCK.values()]
@@ -102,3 +102,23 @@ def test_other_spaces_are_refused_in_a_sentence(algorithm):
             make_model(algorithm, env=env)
     with pytest.raises(ValueError, match=r"needs observations in a Box, not Dict.*flatten them, as by gymnasium"):
         make_model(algorithm, env=DummyVecEnv([Named] * 4))
+
+
+class ManyRewards(KnownPairs):
+    """The pair is the reward, as in MO-Gymnasium."""
+
+    reward_space = spaces.Box(-np.inf, np.inf, (2,))
+
+    def step(self, action):
+        observation, _, *ends, info = super().step(action)
+        return observation, info.pop("vector_reward"), *ends, info
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_vector_of_rewards_needs_to_be_made_a_pair(algorithm):
+    for env in (ManyRewards(), TimeLimit(ManyRewards(), 5), DummyVecEnv([ManyRewards])):
+        with pytest.raises(ValueError, match=r"is a vector of shape \(2,\): wrap it in bilateral_rl.envs.VectorReward"):
+            make_model(algorithm, env=env)
+    make_model(algorithm, env=VectorReward(ManyRewards())).learn(60)
+    summed = TransformReward(ManyRewards(), lambda pair: float(pair.sum()))
+    make_model(algorithm, env=summed)  # one reward; that there is no pair is told when it steps

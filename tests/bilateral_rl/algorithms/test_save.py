@@ -160,3 +160,13 @@ def test_another_loss_than_the_saved_one_is_refused(tmp_path, algorithm):
         ValueError, match=r"n_streams of the buffer follows .* a saved model keeps its traces and its loss"
     ):
         algorithm.load(path, loss="specialized", device="cpu")
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_parameters_that_do_not_fit_leave_the_model_as_it_was(tmp_path, algorithm, exact):
+    path = saved(make_model(algorithm, loss="combined", seed=1).learn(ROLLOUT), tmp_path)
+    model = make_model(algorithm).learn(ROLLOUT)
+    before = copy.deepcopy(model.get_parameters())
+    with pytest.raises((RuntimeError, ValueError)):
+        model.set_parameters(path, exact_match=exact)
+    assert_same_state(model.get_parameters(), before)

@@ -119,6 +119,11 @@ def test_what_is_no_buffer_of_ours_is_refused(tmp_path):
     path.write_bytes(saved_buffer(tmp_path).read_bytes()[:1000])
     with pytest.raises(ValueError, match=r"buffer\.pkl holds no replay buffer"):
         model.load_replay_buffer(path)
+    spoiled = collect(make_model(HemisphericSAC))
+    spoiled.replay_buffer.rewards[3] = np.nan
+    spoiled.save_replay_buffer(path)
+    with pytest.raises(ValueError, match="the replay buffer has rewards that are not finite"):
+        model.load_replay_buffer(path)
     with pytest.raises(FileNotFoundError):
         model.load_replay_buffer(tmp_path / "none.pkl")
     assert model.replay_buffer is present
