@@ -31,6 +31,8 @@ NOTE = 4096
 def use_asserting_kernels() -> None:
     """Let kernels assert that every index lies inside its array; before anything loads them."""
     wp.config.mode = "debug"
+    # Else Warp's own assertions read the stack of another thread, where threads share a kernel.
+    wp.config.enable_tiles_in_stack_memory = False
 
 
 def try_doors(doors: dict[str, Door], n: int, number: int, note: mmap.mmap) -> Counter[tuple[str, str]]:
