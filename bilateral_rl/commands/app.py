@@ -58,7 +58,7 @@ def train(
         str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
     ] = None,
     timesteps: Annotated[
-        int | None, typer.Option(help="Environment steps, over all arms (not bptt).", show_default="12000000 by ppo")
+        int | None, typer.Option(help="Environment steps, over all arms (not bptt).", show_default="16000000 by ppo")
     ] = None,
     epochs: Annotated[int | None, typer.Option(help="Largest number of epochs (bptt).", show_default="100")] = None,
     seeds: Annotated[
