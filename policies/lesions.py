@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bilateral_rl.policies.quantities import switch
 from bilateral_rl.vocabulary import SIDES, Side
 
 INTACT = "intact"
@@ -20,7 +21,7 @@ class Lesion:
         callosum: whether the exchange between the sides is cut.
 
     Raises:
-        ValueError: a side other than "dominant" and "non_dominant".
+        ValueError: a side other than "dominant" and "non_dominant", or a callosum that is neither True nor False.
     """
 
     input_of: Side | None = None
@@ -31,6 +32,7 @@ class Lesion:
         for side in (self.input_of, self.output_of):
             if side is not None and side not in SIDES:
                 raise ValueError(f"unknown side {side!r}; choose from {', '.join(SIDES)}.")
+        object.__setattr__(self, "callosum", switch("callosum", self.callosum))
 
 
 NO_LESION = Lesion()

@@ -13,8 +13,11 @@ from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 from torch import nn
 
+from bilateral_rl import policies
 from bilateral_rl.policies import BilateralActorCriticPolicy, BilateralSACPolicy, BilateralTD3Policy
-from bilateral_rl.policies.networks import CallosalNetwork, make_network
+from bilateral_rl.policies.lesions import Lesion
+from bilateral_rl.policies.motor_policy import MotorPolicy
+from bilateral_rl.policies.networks import CallosalNetwork, MotorNetwork, make_network
 from bilateral_rl.vocabulary import SIDES
 
 PARENT = {
@@ -224,6 +227,30 @@ def test_an_optimizer_of_ones_own_keeps_combination_weights_non_negative(kind):
         getattr(policy.motor_network, f"combination_{side}").grad = torch.tensor(1.0)
     actor.optimizer.step()
     assert policy.motor_network.combination_weights() == dict.fromkeys(SIDES, 0.0)
+
+
+def test_every_argument_of_a_lesion_shows():
+    assert inspect.signature(Lesion).parameters.keys() == {"input_of", "output_of", "callosum"}
+    network, obs = make_network("callosal", 5, 6), torch.linspace(-1, 1, 5)[None]
+    outputs = {repr(network(obs))}
+    for lesion in (Lesion(input_of="dominant"), Lesion(output_of="dominant"), Lesion(callosum=np.True_)):
+        with network.lesioned(lesion):
+            outputs.add(repr(network(obs)))
+    assert len(outputs) == 4
+    with pytest.raises(ValueError, match="callosum must be True or False, got 'cut'"):
+        Lesion(callosum="cut")
+
+
+def test_every_public_class_is_looked_at():
+    public = {getattr(policies, name) for name in policies.__all__ if inspect.isclass(getattr(policies, name))}
+    networks = {cls for cls in public if issubclass(cls, MotorNetwork)}
+    assert public - networks - {Lesion, MotorPolicy} == PARENT.keys() | set(policies.POLICY_ALIASES.values())
+    for cls in networks:
+        assert inspect.signature(cls).parameters.keys() == inspect.signature(make_network).parameters.keys() - {
+            "architecture"
+        }
+    for alias in policies.POLICY_ALIASES.values():
+        assert inspect.signature(alias) == inspect.signature(BilateralActorCriticPolicy)
 
 
 def test_every_argument_of_a_network_shows():

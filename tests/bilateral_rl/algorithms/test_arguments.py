@@ -9,6 +9,7 @@ from hemispheric_models import ALGORITHMS, OFF_POLICY, ON_POLICY, arm, weights
 from stable_baselines3.common.buffers import ReplayBuffer, RolloutBuffer
 from stable_baselines3.common.noise import NormalActionNoise
 
+from bilateral_rl import algorithms
 from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC, HemisphericTD3
 
 each_algorithm = pytest.mark.parametrize("algorithm", ALGORITHMS)
@@ -129,6 +130,11 @@ def test_every_argument_shows_or_is_refused(algorithm, tmp_path, capsys):
             assert shown != plain, name
     make(algorithm, tensorboard_log=tmp_path).learn(18)
     assert list(tmp_path.rglob("events*"))
+
+
+def test_every_public_class_is_looked_at():
+    public = [getattr(algorithms, name) for name in algorithms.__all__]
+    assert {cls for cls in public if inspect.isclass(cls)} == {*ALGORITHMS, algorithms.Hemispheric}
 
 
 class OwnBuffer(RolloutBuffer):
