@@ -43,7 +43,7 @@ def refusal(cls: type[Any], errors: ValidationError) -> str:
         inside = _field_type(cls, path[:-1])
         names = [f.name for f in dataclasses.fields(inside)]
         if owner := next((n for n in names if path and path[-1] in _names(_field_type(inside, [n]))), None):
-            return f"{path[-1]} is no setting {where}, but one of {owner}: give {owner}={{{path[-1]!r}: ...}}."
+            return f"{path[-1]} is a setting of {owner}: give {owner}={{{path[-1]!r}: ...}}."
         return f"Unknown setting {path[-1] if path else error['loc'][-1]!r} {where}; choose from {', '.join(names)}."
     if kind == "value_error":
         separator = "." if dataclasses.is_dataclass(_field_type(cls, path)) else " "
