@@ -84,10 +84,10 @@ def png_of(figure):
 
 
 def test_threads_draw_the_same_and_leave_pyplot_and_settings_alone(draw):
-    before = dict(mpl.rcParams)
+    before, shown = dict(mpl.rcParams), pyplot.get_fignums()
     alone = [png_of(figure) for figure in draw()]
     with ThreadPoolExecutor(2) as pool:
         together = list(pool.map(lambda _: [png_of(figure) for figure in draw()], range(2)))
     assert together == [alone] * 2
     assert dict(mpl.rcParams) == before
-    assert not pyplot.get_fignums()
+    assert pyplot.get_fignums() == shown

@@ -148,9 +148,9 @@ def test_what_is_refused_leaves_nothing(bptt_run, tmp_path):
     (tmp_path / "full" / "mine").write_text("mine")
     before = files(tmp_path)
     for out, weights, error in (
-        ("file", "final", "file exists: choose another out, or remove it"),
-        ("full", "final", "full exists: choose another out, or remove it"),
-        ("file/below", "final", "Cannot write .*below: Not a directory; choose another out"),
+        ("file", "final", "file exists: choose another `out`, or remove it"),
+        ("full", "final", "full exists: choose another `out`, or remove it"),
+        ("file/below", "final", "Cannot write .*below: Not a directory; choose another `out`"),
         ("new", "step_9", "step_9.safetensors does not exist"),
     ):
         with pytest.raises(UserError, match=error):
