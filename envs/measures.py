@@ -23,7 +23,7 @@ class TrialMeasures(NamedTuple):
     """(n,): whether the hand came within the threshold and stayed for three consecutive steps."""
     speed_to_goal: NDArray[np.float64]
     """(n,): start-target distance (m) over the steps until the goal was reached, the first of those three steps
-    counted; NaN where it never was."""
+    counted; NaN where it never was, and where there is no such distance, as in a hold."""
     time_in_goal: NDArray[np.int64]
     """(n,): steps within the threshold."""
     final_error: NDArray[np.float64]
@@ -36,9 +36,9 @@ class TrialMeasures(NamedTuple):
     def means(self) -> dict[str, float]:
         """Return the means over the trials in the units that people read: percent, cm, steps.
 
-        The speed is the mean over the trials that reached the goal, NaN if none did.
+        The speed is the mean over the trials that have one, NaN if none does.
         """
-        reached = self.speed_to_goal[self.goal_completion]
+        reached = self.speed_to_goal[~np.isnan(self.speed_to_goal)]
         return {
             "goal_completion_percent": 100 * float(self.goal_completion.mean()),
             "speed_to_goal_cm_per_step": 100 * float(reached.mean()) if len(reached) else float("nan"),
@@ -72,12 +72,13 @@ def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: fl
     stays = _runs_start(inside, STEPS_TO_COMPLETE)
     completed = np.asarray(stays.any(axis=1))
     steps = np.where(completed, stays.argmax(axis=1) + 1, np.nan) if stays.shape[1] else np.full(len(inside), np.nan)
+    distance_to_go = np.where(start_distance > 0, start_distance, np.nan)
     return TrialMeasures(
         goal_completion=completed,
-        speed_to_goal=start_distance / steps,
+        speed_to_goal=distance_to_go / steps,
         time_in_goal=inside.sum(axis=1),
         final_error=distance[:, -1],
-        speed_to_third_step=start_distance / (steps + STEPS_TO_COMPLETE - 1),
+        speed_to_third_step=distance_to_go / (steps + STEPS_TO_COMPLETE - 1),
         time_to_goal=np.where(completed, steps, distance.shape[1]),
     )
 

@@ -53,14 +53,17 @@ class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs)
         self.reward_pair = reward_pair
         self._observation: Any = None
         self._return = np.zeros(2)
+        self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         self._observation, info = self.env.reset(seed=seed, options=options)
         self._return = np.zeros(2)
+        self._steps = 0
         return self._observation, info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
         pair = self._pair(Transition(self._observation, action, observation, _own_reward(reward), info))
         self._observation = observation
         self._return += pair
@@ -71,14 +74,17 @@ class VectorReward(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs)
 
     def _pair(self, transition: Transition) -> NDArray[np.float32]:
         """Return the pair of rewards (2,) of a step."""
+        when = f"at step {self._steps} of the episode"
         if self.reward_pair is not None:
-            return checked_pair(self.reward_pair(transition), "what reward_pair gives")
+            return checked_pair(
+                self.reward_pair(transition), f"what reward_pair gives at step {self._steps} of the episode"
+            )
         if np.ndim(transition.reward) == 0:
             raise ValueError(
                 "VectorReward without reward_pair needs an environment whose reward is a pair, dominant and "
                 f"non-dominant, not the number {transition.reward!r}: give a function of the step as reward_pair."
             )
-        return checked_pair(transition.reward, "the environment's reward")
+        return checked_pair(transition.reward, f"the environment's reward {when}")
 
 
 def _own_reward(reward: Any) -> float | NDArray[np.float64]:

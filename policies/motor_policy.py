@@ -89,7 +89,10 @@ def check_commands(action_space: spaces.Space[Any]) -> None:
         ValueError: an unbounded or non-Box action space.
     """
     if not isinstance(action_space, spaces.Box) or not action_space.is_bounded():
-        raise ValueError(f"the policy commands muscles in a bounded Box, not {action_space}.")
+        raise ValueError(
+            f"the policy needs continuous actions in a bounded Box, not {action_space}: wrap the environment so that "
+            "it takes them, or choose another."
+        )
 
 
 def check_traces(traces_dim: int, traces: Tensor | None) -> None:

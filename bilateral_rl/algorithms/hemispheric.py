@@ -90,6 +90,9 @@ class Hemispheric(BaseAlgorithm):
     ) -> None:
         if isinstance(policy, type) and not issubclass(policy, self.POLICY_CLASS):
             raise ValueError(f"{type(self).__name__} needs a {self.POLICY_CLASS.__name__}, not {policy.__name__}.")
+        if isinstance(policy, str) and policy not in self.policy_aliases:
+            names = ", ".join(self.policy_aliases)
+            raise ValueError(f"{type(self).__name__} has no policy {policy!r}; choose from {names}.")
         self.loss = loss
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale

@@ -97,6 +97,7 @@ def plot_muscles(
     rows = _one(recording, seed, lesion)
     axes = _axes(ax, (5.0, 3.4))
     draw_muscles(axes, recording["activation"][rows], recording.timestep)
+    axes.set_title(f"{len(rows)} trials, {_words(recording, rows)}", fontsize=10, pad=40)
     return axes
 
 
@@ -121,7 +122,7 @@ def plot_lesions(
     if not isinstance(results, pd.DataFrame) or not {*COLUMNS} <= {*results.columns} or results.empty:
         raise UserError("--results must be a table of lesions, as `run.lesion()` returns it.")
     task = _only("task", results["task"].unique().tolist())
-    of_model = _only("model", results["model"].unique().tolist(), model)
+    of_model = _only("model", results["model"].unique().tolist(), model, "table")
     found = find_metric(metric or preferred_metric(task, _USUAL_RADIUS))
     measured = results.loc[results["model"] == of_model, "metric"].unique().tolist()
     if found.name not in measured:
@@ -184,13 +185,13 @@ def _one(recording: Recording, seed: int | None, lesion: str | None) -> np.ndarr
     return rows
 
 
-def _only(name: str, present: Sequence[T], chosen: T | None = None) -> T:
+def _only(name: str, present: Sequence[T], chosen: T | None = None, where: str = "recording") -> T:
     """Return the one that is chosen, or the only one that there is. Raises UserError for anything else."""
     words = ", ".join(map(str, present))
     if chosen is None and len(present) > 1:
         raise UserError(f"There are several ({words}): say which by --{name}.")
     if chosen is not None and chosen not in present:
-        raise UserError(f"There is no {name} {chosen}; choose from {words}.")
+        raise UserError(f"There is no {name} {chosen} in this {where}; choose from {words}.")
     return present[0] if chosen is None else chosen
 
 

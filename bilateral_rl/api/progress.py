@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.bars import Bars, draws
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import Terminal
@@ -48,7 +49,7 @@ def bar(shown: ProgressLike, description: str, total: int) -> Iterator[Advance]:
 
 
 class TrainingProgress(progress.Progress):
-    """A bar with the remaining time and the present goal completion; lines where there is no terminal."""
+    """A bar with the remaining time and the measure that the task is judged by; lines where there is no terminal."""
 
     def __init__(self, config: TrainConfig, console: Console) -> None:
         self._config, self._console = config, console
@@ -92,7 +93,7 @@ class TrainingProgress(progress.Progress):
         self._console.print("Stopping; saving first. Ctrl-C again stops at once, without what is not saved yet.")
 
     def on_evaluation(self, done: int, measures: dict[str, float]) -> None:
-        goal = f"goal {measures['goal_completion_percent']:.0f} %"
+        goal = self._judged(measures)
         where = f"{done:>12,} steps"
         if "seed" in measures:  # one of several trainings side by side
             where = f"{where} of all seeds, seed {measures['seed']:.0f}"
@@ -103,9 +104,16 @@ class TrainingProgress(progress.Progress):
             goal = f"epoch {measures['epoch']:.0f}, {training}, {goal}" if self._draws else goal
         self._bar.update(self._task, goal=goal)
         if not self._draws:
-            inside = f"{measures['time_in_goal_steps']:.0f} steps in goal"
             error = f"final error {measures['final_error_cm']:.1f} cm"
-            self._console.print(f"{where}: {goal}, {inside}, {error}", highlight=False, soft_wrap=True)
+            self._console.print(f"{where}: {goal}, {error}", highlight=False, soft_wrap=True)
+
+    def _judged(self, measures: dict[str, float]) -> str:
+        """Say how well the task is done; a hold starts in the goal, so that any network completes it."""
+        inside = f"{measures['time_in_goal_steps']:.0f}"
+        if TASK_SPECS[self._config.task].judged_by == "time_in_goal":
+            return f"{inside} of {self._config.trial.trial_length} steps in goal"
+        goal = f"goal {measures['goal_completion_percent']:.0f} %"
+        return goal if self._draws else f"{goal}, {inside} steps in goal"
 
     def _speed(self, speed: float) -> str:
         if self._config.unit == "updates":

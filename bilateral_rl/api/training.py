@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ from bilateral_rl.training.progress import UNWATCHED, Outcome
 
 _RESUMED = ("timesteps", "epochs", "track", "device")
 """Settings that may change where a training goes on."""
+_SIZES = ("model", "network.units", "network.layers")
+"""Settings with which a network of other sizes would not fit."""
 
 
 @in_python
@@ -137,13 +140,13 @@ def go_on(run: Run | str | Path, requested: Mapping[str, Any], progress: Progres
     Raises:
         UserError: a training that cannot go on, or not so.
     """
-    _refuse_but(_RESUMED, requested)
+    _refuse_but(_RESUMED, requested, run)
     run = find_run(run)
     if run.only is not None:
         raise UserError(f"--resume goes on with the whole run: give it {run.path}, without :{run.only}.")
     values = run.config.to_values()
     allowed = [name for name in _RESUMED if name in values]
-    _refuse_but(allowed, requested)
+    _refuse_but(allowed, requested, run)
     if "track" in values:
         values["track"] = False  # the run may be somebody else's: who goes on with it says whether it is tracked
     config = resolve(None, None, [values | {name: requested[name] for name in allowed if requested[name] is not None}])
@@ -183,9 +186,16 @@ def _configuration(config: str | Path | Mapping[str, Any] | TrainConfig | None) 
     return read_settings(as_path("--config", config))
 
 
-def _refuse_but(allowed: tuple[str, ...] | list[str], requested: Mapping[str, Any]) -> None:
+def _refuse_but(allowed: Sequence[str], requested: Mapping[str, Any], run: Run | str | Path) -> None:
     for name, value in requested.items():
         if value is not None and name not in allowed:
             flag = name.rpartition(".")[2].replace("_", "-")
             flags = ", ".join(f"--{one}" for one in allowed)
-            raise UserError(f"A resumed run keeps its settings: --resume takes only {flags} here, not --{flag}.")
+            named = run.name if isinstance(run, Run) else str(run)
+            begin = f"`bilateral-rl train --init-from {shlex.quote(named)}`"
+            if name in _SIZES:
+                begin = "`bilateral-rl train`, without --init-from, as its network is of another size"
+            raise UserError(
+                f"A resumed run keeps its settings: --resume takes only {flags} here, not --{flag}. For other settings "
+                f"begin a new run: {begin}."
+            )

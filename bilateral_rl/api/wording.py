@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import re
 import shlex
 from collections.abc import Callable, Sequence
@@ -36,9 +37,12 @@ _OPTION = re.compile(r"(?<![\w-])--[a-z]+(?:-[a-z]+)*")
 
 def in_python(function: Callable[P, R]) -> Callable[P, R]:
     """Let the errors of a function of the Python face name its arguments, not options of the command line."""
+    arguments = inspect.signature(function).parameters
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        if unknown := [name for name in kwargs if name not in arguments]:
+            _refuse_bare_setting(function.__name__, unknown[0], "settings" in arguments)
         try:
             return function(*args, **kwargs)
         except UserError as error:
@@ -46,6 +50,14 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
             raise
 
     return call
+
+
+def _refuse_bare_setting(function: str, name: str, takes_settings: bool) -> None:
+    """Raise a TypeError for a setting of trials that was given as an argument; Python refuses what is left."""
+    from bilateral_rl.envs.settings import TrialSettings  # here alone: it is seldom needed
+
+    if takes_settings and name in TrialSettings.__dataclass_fields__:
+        raise TypeError(f"{function}() has no argument {name!r}: give settings={{'trial.{name}': …}}.")
 
 
 def python_words(sentence: str) -> str:

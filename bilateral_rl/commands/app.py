@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bilateral_rl import __version__
 from bilateral_rl.io.errors import run_program
 from bilateral_rl.io.terminal import Terminal
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
@@ -44,6 +45,21 @@ Jobs = Annotated[int | None, typer.Option(help="Trainings at a time.", show_defa
 Ray = Annotated[
     str | None, typer.Option(metavar="ADDRESS|local", help="Hand the trainings to a Ray cluster (extra: ray).")
 ]
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        console.print(__version__, highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Take what stands before a command."""
 
 
 @app.command()

@@ -54,8 +54,8 @@ def evaluate(
     """
     console = apart_from(console, csv, json_file)
     made = api.evaluate(
-        find_run(run), trials, seed, lesion=lesion, task=task, settings=parse_overrides(overrides),
-        deterministic=deterministic, weights=weights,
+        find_run(run), trials, seed, lesion=lesion, task=task,
+        settings=parse_overrides(overrides, "trial.sensory_noise=0.01"), deterministic=deterministic, weights=weights,
     )  # fmt: skip
     head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
     head |= {"task": made.under.task, "lesion": lesion, "changed": dict(made.under.changed)}

@@ -37,7 +37,7 @@ def import_zip(
     Raises:
         UserError: a file that is no such model, or that is not trusted.
     """
-    settings = parse_overrides(overrides)
+    settings = parse_overrides(overrides, "trial.threshold=0.03")
     imported = import_model(
         path, task, trust_pickle=trust_pickle, settings=settings, vec_normalize=vec_normalize, out=out
     )

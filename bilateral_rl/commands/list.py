@@ -27,7 +27,8 @@ def list_all(out: Path, console: Console) -> None:
         console.print(table)
     runs = listed(out)
     if not runs:
-        console.print(f"No runs below {out} yet; `bilateral-rl train` makes one.")
+        where = escape(str(out.absolute()))
+        console.print(f"No runs below {where} yet; `bilateral-rl train` makes one.", soft_wrap=True)
         return
     table = Table("run", "state", "done", title="Runs", title_justify="left")
     for run in runs:

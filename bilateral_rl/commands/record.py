@@ -42,7 +42,8 @@ def record(
     Raises:
         UserError: a run that cannot be recorded so, or a file that cannot be written; none is left then.
     """
-    recorder = record_to(out, find_run(run), trials, seed, lesions, task, parse_overrides(overrides), weights, console)
+    settings = parse_overrides(overrides, "trial.sensory_noise=0.01")
+    recorder = record_to(out, find_run(run), trials, seed, lesions, task, settings, weights, console)
     for note in recorder.conditions.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     quoted = escape(shlex.quote(str(out)))

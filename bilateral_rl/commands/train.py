@@ -45,17 +45,16 @@ def train(
 
 def resume(path: Path, requested: Mapping[str, Any], console: Console) -> None:
     """Go on with a run."""
-    _report(go_on(path, requested, console), console)
+    _report(go_on(path, requested, console), console, " in this session")
 
 
-def _report(outcome: Outcome, console: Console) -> None:
+def _report(outcome: Outcome, console: Console, session: str = "") -> None:
+    """Print how a training ended; ``session`` follows the time where that is not the whole training's."""
     config = outcome.folder.config()
-    for note in outcome.notes:
-        console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     path = escape(shlex.quote(str(outcome.folder.path)))
-    out = escape(shlex.quote(str(outcome.folder.path.parent.parent)))
-    minutes = f"{outcome.seconds / 60:.1f} minutes"
+    minutes = f"{outcome.seconds / 60:.1f} minutes{session}"
     if outcome.stopped_by is not None:
+        _print_notes(outcome, console)
         of_seeds = " of all seeds" if config.seeds > 1 and config.unit == "steps" else ""
         console.print(
             f"Stopped after {outcome.done:,} {config.unit}{of_seeds} and {minutes}; saved in [bold]{path}[/bold]."
@@ -64,25 +63,33 @@ def _report(outcome: Outcome, console: Console) -> None:
         console.print(f"Go on with: bilateral-rl train --resume {path}{track}", soft_wrap=True)
         sys.exit(128 + outcome.stopped_by)
     evaluator = Evaluator(config.task, config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
+    learned = f"has learned ({minutes})" if session else f"learned in {minutes}"
     records = {seed: evaluator.run(policy) for seed, policy in outcome.policies.items()}
-    console.print(
-        measures_table(records, config, f"What {config.model} learned in {minutes}, {SUMMARY_TRIALS} new trials")
-    )
+    console.print(measures_table(records, config, f"What {config.model} {learned}, {SUMMARY_TRIALS} new trials"))
     networks = {seed: policy.motor_network for seed, policy in outcome.policies.items()}
     if modulations := side_modulations(networks, records):
         console.print(sides_line(modulations), highlight=False, soft_wrap=True)
+    _print_notes(outcome, console)
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
     console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
     if config.spec.architecture != "unilateral":
         console.print(f"  bilateral-rl lesion {path}", soft_wrap=True, highlight=False)
-    console.print(f"  tensorboard --logdir {out}", soft_wrap=True, highlight=False)
+    console.print(f"  bilateral-rl render {path}", soft_wrap=True, highlight=False)
+    out = outcome.folder.path.parent.parent
+    console.print(f"  tensorboard --logdir {escape(shlex.quote(str(out)))}", soft_wrap=True, highlight=False)
     console.print(f"  {_next_training(config, path, out)}", soft_wrap=True, highlight=False)
 
 
-def _next_training(config: TrainConfig, path: str, out: str) -> str:
-    """Suggest what to train next."""
+def _print_notes(outcome: Outcome, console: Console) -> None:
+    for note in outcome.notes:
+        console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
+
+
+def _next_training(config: TrainConfig, path: str, out: Path) -> str:
+    """Suggest what to train next, into the same folder of runs."""
+    into = "" if out == Path("runs") else f" --out {escape(shlex.quote(str(out)))}"
     if config.algo == "bptt":
         same = f"--model {config.model} --task {config.task}"
-        return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed} --out {out}"
+        return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed}{into}"
     other = next(task for task in TASK_SPECS if task != config.task)
-    return f"bilateral-rl train --model {config.model} --task {other} --out {out}"
+    return f"bilateral-rl train --model {config.model} --task {other}{into}"

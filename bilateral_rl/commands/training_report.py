@@ -82,6 +82,5 @@ def _spread(values: list[dict[str, float]], name: str, decimals: int) -> str:
 
 
 def _speed_to_goal(values: list[dict[str, float]]) -> str:
-    reached = [value for value in values if value["speed_to_goal_cm_per_step"] > 0]
-    # nan: never reached; 0: a hold starts there
+    reached = [value for value in values if not math.isnan(value["speed_to_goal_cm_per_step"])]
     return f"{_spread(reached, 'speed_to_goal_cm_per_step', 2)} cm/step" if reached else "–"

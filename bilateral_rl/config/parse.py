@@ -43,8 +43,12 @@ def nested(values: Mapping[str, Any]) -> Values:
     return result
 
 
-def parse_overrides(items: Sequence[str]) -> Values:
+def parse_overrides(items: Sequence[str], example: str = "ppo.learning_rate=0.003") -> Values:
     """Turn ``["ppo.learning_rate=0.003"]`` into nested dictionaries.
+
+    Args:
+        items: as ``--set`` takes them.
+        example: one that the command takes, for the sentence of an error.
 
     Raises:
         UserError: an item is not of the form key=value, or its value is no YAML.
@@ -53,7 +57,7 @@ def parse_overrides(items: Sequence[str]) -> Values:
     for item in items:
         key, equals, text = item.partition("=")
         if not equals or not key:
-            raise UserError(f"--set takes key=value, such as ppo.learning_rate=0.003, not {item!r}.")
+            raise UserError(f"--set takes key=value, such as {example}, not {item!r}.")
         try:
             value = parse_yaml(text)
         except ValueError:

@@ -85,7 +85,8 @@ class RunFolder:
         if is_zip:
             raise UserError(f"{path} is no run but a model; make one of it with `bilateral-rl import`.")
         if not is_folder:
-            raise UserError(f"There is no run {path}; `bilateral-rl list` shows those there are.")
+            where = "" if path.is_absolute() else f" in {Path.cwd()}"
+            raise UserError(f"There is no run {path}{where}; `bilateral-rl list` shows those there are.")
         if not is_run:
             raise UserError(f"{path} is not a run: it has no config.yaml. `bilateral-rl list` shows those there are.")
         return cls(path)

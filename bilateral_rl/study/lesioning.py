@@ -21,7 +21,7 @@ from bilateral_rl.envs.quantities import STRICT
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
-from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, Lesion, find_lesion
+from bilateral_rl.policies.lesions import INTACT, LESIONS_OF, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
 from bilateral_rl.training.fresh_networks import fresh_network
@@ -220,11 +220,9 @@ def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]
         return [INTACT, *available]
     for name in lesions:
         if name not in {INTACT, *available}:
-            have = ", ".join(available) or "none"
-            known = "" if name in LESIONS else f"; the lesions there are: {', '.join(LESIONS)}"
             raise UserError(
-                f"{config.model} is a {network.architecture} network and cannot have the lesion {name!r}: it can have "
-                f"{have}{known}."
+                f"{config.model} is a {network.architecture} network and cannot have the lesion {name!r}; choose from "
+                f"{', '.join([INTACT, *available])}."
             )
     return [INTACT, *(name for name in dict.fromkeys(lesions) if name != INTACT)]
 

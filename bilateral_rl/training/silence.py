@@ -32,10 +32,10 @@ def _note(side: Side, modulation: SideModulation, weight: float, config: TrainCo
 
 
 def _cure(side: Side, config: TrainConfig) -> str:
-    """Name the setting that may keep a side alive: the weight penalty, where it acts on that side."""
+    """Name the setting that may keep a side alive: the weight penalty, where it acts on that side; else what to try."""
     name, coefficient = _penalty(config)
     if coefficient == 0 or group_penalties(config.spec.loss)[side] == 0:
-        return ""
+        return "; other seeds show whether it is this network's alone"
     return f"; a smaller {name} than {coefficient:g} may keep it alive"
 
 

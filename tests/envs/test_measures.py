@@ -67,8 +67,11 @@ def test_the_threshold_itself_is_within_the_goal():
     assert measure([np.nextafter(0.05, 1)] * 3, threshold=0.05)[0] is False
 
 
-def test_a_trial_that_starts_on_its_target_has_speed_zero():
-    assert measure([IN] * 3, start_distance=0.0)[1] == 0.0
+def test_a_trial_that_starts_on_its_target_has_no_speed():
+    assert math.isnan(measure([IN] * 3, start_distance=0.0)[1])
+    held = trial_measures([[IN] * 4] * 2, [0.0, 0.0], 0.05).means()
+    assert held["goal_completion_percent"] == 100
+    assert math.isnan(held["speed_to_goal_cm_per_step"])
 
 
 def test_trials_of_a_batch_are_measured_one_by_one():

@@ -154,13 +154,27 @@ def test_a_vector_of_two_rewards_is_the_pair():
     assert type(reward) is float
 
 
+def test_a_reward_that_is_not_finite_is_refused_with_the_step_of_its_episode():
+    rewards = iter([0.0, 0.0, 0.0, np.nan])
+    env = VectorReward(gymnasium.make("Pendulum-v1"), lambda transition: (next(rewards), 0.0))
+    for steps in (2, 1):
+        env.reset(seed=0)
+        for _ in range(steps):
+            env.step(env.action_space.sample())
+    with pytest.raises(ValueError, match="what reward_pair gives at step 2 of the episode must be two finite numbers"):
+        env.step(env.action_space.sample())
+
+
 def test_a_function_may_make_a_pair_of_any_number_of_rewards():
     env = VectorReward(ManyRewards(np.array([2.0, -1.0, 4.0])), lambda step: (step.reward[0], step.reward[1:].sum()))
     np.testing.assert_array_equal(one_step(env)[4]["vector_reward"], [2.0, 3.0])
 
 
 def test_other_rewards_than_two_need_a_function():
-    with pytest.raises(ValueError, match=r"environment.s reward must be two finite numbers.*array\(\[1., 2., 3.\]\)"):
+    with pytest.raises(
+        ValueError,
+        match=r"environment.s reward at step 1 of the episode must be two finite numbers.*array\(\[1., 2., 3.\]\)",
+    ):
         one_step(VectorReward(ManyRewards(np.array([1.0, 2.0, 3.0]))))
     with pytest.raises(ValueError, match=r"not the number 1\.5: give a function of the step as reward_pair"):
         one_step(VectorReward(ManyRewards(1.5)))

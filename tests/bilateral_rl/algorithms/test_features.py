@@ -86,6 +86,12 @@ def test_what_changes_normalized_observations(algorithm, wrap):
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_misspelt_policy_is_told_the_names_there_are(algorithm):
+    with pytest.raises(ValueError, match=r"has no policy 'CallosumPolicy'; choose from .*CallosalPolicy"):
+        algorithm("CallosumPolicy", "Pendulum-v1")
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_other_spaces_are_refused_in_a_sentence(algorithm):
     class Choosing(KnownPairs):
         action_space = spaces.Discrete(3)
@@ -98,7 +104,7 @@ def test_other_spaces_are_refused_in_a_sentence(algorithm):
             return {"a": np.zeros(3, np.float32)}, {}
 
     for env in (Choosing(), DummyVecEnv([Choosing])):
-        with pytest.raises(ValueError, match=r"the policy commands muscles in a bounded Box, not Discrete\(3\)"):
+        with pytest.raises(ValueError, match=r"continuous actions in a bounded Box, not Discrete\(3\): wrap"):
             make_model(algorithm, env=env)
     with pytest.raises(ValueError, match=r"needs observations in a Box, not Dict.*flatten them, as by gymnasium"):
         make_model(algorithm, env=DummyVecEnv([Named] * 4))

@@ -54,6 +54,7 @@ def test_speeds_have_a_line_a_lesion(recording, ax):
 
 def test_muscles_have_a_line_each(recording, ax):
     assert brl.plot_muscles(recording, ax, seed=0, lesion="intact") is ax
+    assert "seed 0, intact" in ax.get_title()
     rows = (recording["seed"] == 0) & (recording["lesion"] == "intact")
     means = recording["activation"][rows].mean(axis=0)
     assert [line.get_label() for line in ax.lines][::5] == ["pectoralis", "triceps long"]
@@ -100,13 +101,16 @@ def test_without_an_axis_there_is_a_new_figure(recording, monkeypatch):
     [
         (lambda r, t: brl.plot_paths(r), r"There are several \(0, 1, 2\): say which by `seed`"),
         (lambda r, t: brl.plot_paths(r, seed=0), r"There are several \(intact, callosum\): say which by `lesion`"),
-        (lambda r, t: brl.plot_muscles(r, seed=7, lesion="intact"), "There is no seed 7; choose from 0, 1, 2"),
+        (
+            lambda r, t: brl.plot_muscles(r, seed=7, lesion="intact"),
+            "There is no seed 7 in this recording; choose from 0, 1, 2",
+        ),
         (lambda r, t: brl.plot_paths(r, seed=0, lesion="intact", trials=0), "^`trials` must be at least 1"),
         (lambda r, t: brl.plot_speeds(t), "`recording` must be one, as `run.record"),
         (lambda r, t: brl.plot_speeds(r, [1]), "`ax` must be one axis of matplotlib, such as axes.0., not list"),
         (lambda r, t: brl.plot_lesions(r), "`results` must be a table of lesions"),
         (lambda r, t: brl.plot_lesions(t, metric="hold_speed"), "The table has no hold_speed; choose a metric from"),
-        (lambda r, t: brl.plot_lesions(t, model="bi_s"), "There is no model bi_s; choose from cc_s"),
+        (lambda r, t: brl.plot_lesions(t, model="bi_s"), "There is no model bi_s in this table; choose from cc_s"),
         (lambda r, t: brl.plot_curves(t), "have no axis in common|`curves` must be"),
     ],
 )

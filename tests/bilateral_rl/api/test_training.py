@@ -63,7 +63,10 @@ def test_a_run_goes_on_where_it_was():
         ({"settings": ["ppo.gamma=1"]}, "^`settings` takes settings by name"),
         ({"settings": {"ppo.gama": 1}}, "Unknown setting 'gama' in ppo"),
         ({"config": "none.yaml"}, "Cannot read the configuration none.yaml"),
-        ({"init_from": "runs/none"}, r"There is no run runs/none; `bilateral_rl.list_runs\(\)` shows those there are"),
+        (
+            {"init_from": "runs/none"},
+            r"There is no run runs/none in .*; `bilateral_rl.list_runs\(\)` shows those there are",
+        ),
         ({"algo": "bptt", "timesteps": 5}, "leave it out or choose the `algo`"),
         ({"device": "cuda:99"}, "device"),
     ],

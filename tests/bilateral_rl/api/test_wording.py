@@ -36,6 +36,22 @@ def test_sentences(sentence, words):
     assert python_words(sentence) == words
 
 
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("sensory_noise", r"test\(\) has no argument 'sensory_noise': give settings=\{'trial.sensory_noise': …\}"),
+        ("noise", "unexpected keyword argument 'noise'"),
+    ],
+)
+def test_a_setting_given_as_an_argument_is_told_where_it_goes(name, says):
+    @in_python
+    def test(trials, *, settings=None):
+        raise AssertionError
+
+    with pytest.raises(TypeError, match=says):
+        test(2, **{name: 0.02})
+
+
 def test_an_error_keeps_its_kind_and_what_the_command_line_says():
     class OddError(UserError, ValueError):
         pass

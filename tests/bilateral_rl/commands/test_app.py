@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 import yaml
 
+import bilateral_rl
 from bilateral_rl.vocabulary import SIDES
 
 SMALL = ["--timesteps", "2000", "--n-envs", "20", "--set", "ppo.batch_size=250", "--set", "evaluation.trials=8"]
@@ -18,8 +19,17 @@ def test_train_then_evaluate_then_list(call, tmp_path):
     code, out, err = call("train", "--model", "bi_s", "--task", "hold_position", *SMALL)
     assert (code, err) == (0, "")
     run = "runs/hold_position/bi_s-ppo-1"
-    for line in (f"bilateral-rl evaluate {run}", "tensorboard --logdir runs", "goal completion"):
+    for line in (
+        f"bilateral-rl evaluate {run}",
+        f"bilateral-rl render {run}",
+        "tensorboard --logdir runs",
+        "goal completion",
+    ):
         assert line in out
+    assert "--out" not in out
+    progress = re.findall(r"steps: .*", out)
+    assert progress
+    assert all(re.match(r"steps: \d+ of 50 steps in goal, final error", line) for line in progress), "not of completion"
     sides = re.search(
         r"Sides: dominant (\d+) %, non-dominant (\d+) % of the commands' modulation; constant parts ", out
     )
@@ -39,6 +49,9 @@ def test_train_then_evaluate_then_list(call, tmp_path):
     printed = re.findall(r"dominant +│ +([\d.]+) %", out)
     assert [float(share) for share in printed] == pytest.approx(percent, abs=0.051)
 
+    code, _, err = call("evaluate", run, "--set", "trial.load")
+    assert (code, "such as trial.sensory_noise=0.01" in err) == (2, True)
+
     # The end of a training and `evaluate` do the same trials.
     code, out, _ = call("evaluate", run)
     printed = re.findall(r"dominant +│ +([\d.]+) %", out)
@@ -49,6 +62,10 @@ def test_train_then_evaluate_then_list(call, tmp_path):
     for word in ("cc_ns", "random_reach", "ppo", "finished", "2,000"):
         assert word in out
     assert run in "".join(out.split())
+
+
+def test_the_version_is_printed_alone(call):
+    assert call("--version") == (0, f"{bilateral_rl.__version__}\n", "")
 
 
 def test_a_network_with_one_side_is_told_of_nothing_about_sides(call, tmp_path):
@@ -80,7 +97,9 @@ MISTAKES = [
     (["train", "--config", "missing.yaml"], "missing.yaml"),
     (["train", "--resume", "runs/none"], "no run"),
     (["train", "--resume", "runs/none", "--out", "x"], "--out"),
-    (["train", "--resume", "runs/none", "--units", "12"], "--units"),
+    (["train", "--resume", "runs/none", "--units", "12"], "not --units. For other settings begin a new run"),
+    (["train", "--resume", "runs/none", "--seed", "2"], "begin a new run: `bilateral-rl train --init-from runs/none`"),
+    (["evaluate", "none"], "no run none in "),
     (["train", "--out", "/proc/nothing", *SMALL], "--out"),
     (["train", "--algo", "bptt", "--timesteps", "1000"], "timesteps"),
     (["train", "--epochs", "2"], "epochs"),
