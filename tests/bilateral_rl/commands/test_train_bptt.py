@@ -40,13 +40,14 @@ def test_train_says_what_it_does_what_came_of_it_and_what_is_next(call, tmp_path
     text = " ".join(out.split())
     assert "bi_s learns hold_position by bptt: up to 3 epochs of 32 trials, seeds 4 to 5 side by side" in text
     for epoch in (1, 2, 3):
-        assert re.search(rf"epoch +{epoch}, 2 of 2 seeds training, validation loss \d\.\d+: goal", out)
+        judged = r"\d+ of \d+ steps in goal, final error"
+        assert re.search(rf"epoch +{epoch}, 2 of 2 seeds training, validation loss \d\.\d+: {judged}", out)
     assert percentages(out)[1] is not None
     assert "mean ± standard deviation over 2 seeds" in text
     assert re.search(r"Sides: dominant \d+ ± \d+ %, non-dominant \d+ ± \d+ % of the commands' modulation", text)
     for line in (f"Saved in {run}", f"bilateral-rl evaluate {run}", "tensorboard --logdir runs"):
         assert line in out
-    assert f"bilateral-rl train --algo ppo --model bi_s --task hold_position --init-from {run}:4 --out runs" in out
+    assert f"bilateral-rl train --algo ppo --model bi_s --task hold_position --init-from {run}:4\n" in out
     values = yaml.safe_load((tmp_path / run / "config.yaml").read_text())
     expected = {"algo": "bptt", "model": "bi_s", "task": "hold_position", "seed": 4, "seeds": 2, "epochs": 3}
     assert {name: values[name] for name in expected} == expected

@@ -70,11 +70,15 @@ def test_wanted_lesions_come_in_the_order_wanted_each_once_after_the_intact_netw
 
 def test_a_lesion_that_cannot_be_is_refused_with_those_that_can(small_bptt):
     for model, lesion, says in (
-        ("uni_b", "deep_dominant", "uni_b is a unilateral network and cannot .* 'deep_dominant': it can have none.$"),
-        ("bi_ns", "callosum", "bilateral .* 'callosum': .* shallow_dominant, .*deep_non_dominant.$"),
-        ("bi_s", "callosum_deep_dominant", "bilateral .* it can have shallow_dominant, .*, deep_non_dominant.$"),
-        ("cc_s", "lobotomy", "callosal .* 'lobotomy': it can have .*callosum_deep_non_dominant; the lesions there are"),
-        ("uni_dl", "lobotomy", "it can have none; the lesions there are: shallow_dominant, .*non_dominant.$"),
+        ("uni_b", "deep_dominant", "uni_b is a unilateral network and cannot .* 'deep_dominant'; choose from intact.$"),
+        ("bi_ns", "callosum", "bilateral .* 'callosum'; .* shallow_dominant, .*deep_non_dominant.$"),
+        (
+            "bi_s",
+            "callosum_deep_dominant",
+            "bilateral .* choose from intact, shallow_dominant, .*, deep_non_dominant.$",
+        ),
+        ("cc_s", "lobotomy", "callosal .* 'lobotomy'; choose from intact, .*, callosum_deep_non_dominant.$"),
+        ("uni_dl", "lobotomy", "choose from intact.$"),
     ):
         with pytest.raises(UserError, match=says):
             state_names(small_bptt(model), ["intact", lesion])
