@@ -1,6 +1,7 @@
 """Several networks by reinforcement learning: each as if alone, and one run for all commands."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -117,7 +118,7 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
     assert "1,600 steps over 8 arms, seeds 103 to 104 side by side" in " ".join(text.split())
     code, text = finished("train", "--resume", path, output=output)
     assert code == 0, text
-    assert "steps of all seeds, seed 104: goal" in text
+    assert re.search(r"steps of all seeds, seed 10[34]: goal", text)  # one of the two may have ended before the other
     assert "mean ± standard deviation over 2 seeds" in " ".join(text.split())
     for seed in SEEDS:
         assert differences(child(folder, seed), child(watched[0].folder, seed)) == []
