@@ -27,6 +27,7 @@ from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, c
 from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, check_one_reward
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
+from bilateral_rl.algorithms.saved_models import check_saved_by
 from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.motor_policy import check_commands
@@ -115,10 +116,12 @@ class Hemispheric(BaseAlgorithm):
         """Load a model as SB3 does, which executes code that the file holds; ``kwargs`` are what it shall have anew.
 
         Raises:
-            ValueError: ``kwargs`` that no constructor takes, or that a saved model keeps.
+            ValueError: ``kwargs`` that no constructor takes, or that a saved model keeps, or a model of another
+                algorithm.
         """
         blank = vars(cls(next(iter(cls.policy_aliases)), None, _init_setup_model=False))  # type: ignore[call-arg]
         changes = arguments_of_load(cls, kwargs, blank)
+        check_saved_by(path, cls.__name__, blank)
         try:
             model = super().load(path, env, device, custom_objects, print_system_info, force_reset, **changes)
         except KeyError as error:

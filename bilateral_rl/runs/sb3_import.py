@@ -14,6 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.save_util import load_from_zip_file
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
+from bilateral_rl.algorithms.saved_models import algorithm_of
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.resolve import resolve
@@ -61,7 +62,7 @@ class SavedModel:
             name = getattr(policy, "__name__", policy)
             raise UserError(f"{self.path} has the policy {name}; only those of bilateral_rl have hemispheres.")
         if fitting == ["ppo", "a2c"]:
-            return "ppo" if "clip_range" in self.data else "a2c"
+            return algorithm_of(self.data).lower()
         return fitting[0]
 
     def policy(self) -> MotorPolicy:

@@ -170,3 +170,15 @@ def test_parameters_that_do_not_fit_leave_the_model_as_it_was(tmp_path, algorith
     with pytest.raises((RuntimeError, ValueError)):
         model.set_parameters(path, exact_match=exact)
     assert_same_state(model.get_parameters(), before)
+
+
+def test_a_model_of_another_algorithm_is_refused(tmp_path, algorithm):
+    path = saved(make_model(algorithm), tmp_path)
+    its_name = algorithm.__name__.removeprefix("Hemispheric")
+    for other in ALGORITHMS:
+        if other is not algorithm:
+            with pytest.raises(ValueError, match=rf"{other.__name__} loads models of \w+, and .* by {its_name}\."):
+                other.load(path)
+    with path.open("rb") as file:  # is where it was, once it has been looked at
+        assert isinstance(algorithm.load(file), algorithm)
+    assert isinstance(algorithm.load(tmp_path / "model"), algorithm)
