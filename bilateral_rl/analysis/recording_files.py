@@ -44,7 +44,7 @@ def check_path(path: Path) -> None:
         except ImportError:
             raise UserError(
                 f"{ending} files take the library {library}, which is not installed: install the extra, "
-                '`pip install "bilateral-rl[record]"`, or choose .csv or .npz.'
+                '`pip install -c constraints.txt -e ".[record]"`, or choose .csv or .npz.'
             ) from None
     for one in (path, side_file(path)) if ending == ".csv" else (path,):
         try:
