@@ -176,5 +176,5 @@ def test_what_cannot_be_a_recording_is_refused_at_once(whole, tmp_path):
 @pytest.mark.parametrize(("ending", "library"), [(".parquet", "pyarrow"), (".nc", "netCDF4")])
 def test_a_missing_library_is_named_with_its_extra(whole, tmp_path, monkeypatch, ending, library):
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(UserError, match=rf"{library}.*bilateral-rl\[record\]"):
+    with pytest.raises(UserError, match=rf'{library}.*-e "\.\[record\]"'):
         whole.save(tmp_path / f"data{ending}")
