@@ -17,7 +17,7 @@ from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
-from bilateral_rl.envs.tasks import Task, Trials, make_task
+from bilateral_rl.envs.tasks import PLACES, Task, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 
 _ARM = np.zeros(1, dtype=np.int32)
@@ -191,9 +191,9 @@ def _trial_from_options(options: dict[str, Any]) -> Trials | None:
         raise TypeError(f"options must be a dictionary, got {type(options).__name__}.")
     if not options:
         return None
-    if "start" not in options or set(options) - set(Trials._fields):
+    if "start" not in options or set(options) - set(PLACES):
         given = ", ".join(map(str, options))
-        raise ValueError(f"a trial is set by {', '.join(Trials._fields)}, 'start' always, got {given}.")
+        raise ValueError(f"a trial is set by {', '.join(PLACES)}, 'start' always, got {given}.")
     values = {name: numbers(name, value) for name, value in options.items()}
     for name, value in values.items():
         if value.shape != (2,) or not np.isfinite(value).all():

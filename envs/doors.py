@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import Task, Trials
+from bilateral_rl.envs.tasks import NEVER, PLACES, HandForces, Task, Timeline, Trials
 
 T = TypeVar("T")
 _SINGLE = 4
@@ -47,19 +47,73 @@ def arguments_for(task: Task, settings: TrialSettings) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in names}
 
 
-def checked_trials(trials: object, n: int, arm: ArmParameters) -> Trials:
-    """Return ``trials`` as float32 arrays (n, 2); a field of one row is that row for all trials.
+def checked_trials(trials: object, n: int, task: Task, arm: ArmParameters) -> Trials:
+    """Return ``trials`` of ``task`` as arrays of their documented types; a field of one row is that row for all trials.
 
     Raises:
         TypeError: no :class:`Trials`, or a field that does not consist of numbers.
-        ValueError: a field of another shape, a number that is not finite, or a posture out of the joints' range.
+        ValueError: a field of another shape, a number that is not finite or has no meaning there, a posture out of the
+            joints' range, or a timeline or forces where the task says that it has none, or none where it has them.
     """
-    if not isinstance(trials, tuple) or len(trials) != len(Trials._fields):
+    if not isinstance(trials, tuple) or not 3 <= len(trials) <= len(Trials._fields):
         raise TypeError(f"a task must return Trials(start, goal, load), got {type(trials).__name__}.")
-    start, goal, load = (_rows(name, values, n) for name, values in zip(Trials._fields, trials, strict=True))
+    given = Trials(*trials)
+    start, goal, load = (_rows(name, values, n) for name, values in zip(PLACES, given[:3], strict=True))
     for name, postures in (("start", start), ("goal", goal)):
         _check_postures(name, postures, arm)
-    return Trials(start, goal, load)
+    checked = Trials(start, goal, load)
+    for name, has in (("timeline", task.has_timeline), ("forces", task.has_forces)):
+        if (getattr(given, name) is not None) != has:
+            raise ValueError(f"trials of {task.id} must have {'a' if has else 'no'} {name}: has_{name} is {has}.")
+    if given.timeline is not None:
+        checked = checked._replace(timeline=_checked_timeline(given.timeline, n, arm))
+    if given.forces is not None:
+        checked = checked._replace(forces=_checked_forces(given.forces, n))
+    return checked
+
+
+def _checked_timeline(timeline: Timeline, n: int, arm: ArmParameters) -> Timeline:
+    if not isinstance(timeline, Timeline):
+        raise TypeError(f"timeline must be a Timeline, got {type(timeline).__name__}.")
+    go, jump = _steps("go", timeline.go, (n,)), _steps("jump", timeline.jump, (n,))
+    if (jump < go).any():
+        first = int((jump < go).argmax())
+        raise ValueError(f"jump must not come before go, got steps {jump[first]} and {go[first]}.")
+    jump_goal = _rows("jump_goal", timeline.jump_goal, n)
+    _check_postures("jump_goal", jump_goal, arm)
+    return Timeline(go, jump, jump_goal)
+
+
+def _checked_forces(forces: HandForces, n: int) -> HandForces:
+    if not isinstance(forces, HandForces):
+        raise TypeError(f"forces must be HandForces, got {type(forces).__name__}.")
+    walls = _rows("walls", forces.walls, n)
+    if (walls < 0).any():
+        raise ValueError(f"walls must have a stiffness and a damping of at least 0, got {walls[walls < 0][0]}.")
+    return HandForces(
+        velocity_gain=_rows("velocity_gain", forces.velocity_gain, n, (2, 2)),
+        position_gain=_rows("position_gain", forces.position_gain, n, (2, 2)),
+        center=_rows("center", forces.center, n),
+        pulse=_rows("pulse", forces.pulse, n),
+        pulse_window=_steps("pulse_window", forces.pulse_window, (n, 2)),
+        walls=walls,
+    )
+
+
+def _steps(name: str, values: object, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """Return steps as int32 of ``shape``; one row is for all trials."""
+    array = numbers(name, values)
+    if array.shape in (shape[1:], (1, *shape[1:])):
+        array = np.broadcast_to(array, shape)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, or be one for all trials, got shape {array.shape}.")
+    if array.dtype.kind == "f" and not (np.isfinite(array) & (array == np.trunc(array))).all():
+        raise ValueError(f"{name} must consist of whole numbers of steps.")
+    if ((array < 0) | (array > NEVER)).any():
+        raise ValueError(
+            f"{name} must lie between 0 and {NEVER:,} (never), got {array[(array < 0) | (array > NEVER)][0]}."
+        )
+    return np.ascontiguousarray(array, dtype=np.int32)
 
 
 def _check_postures(name: str, postures: NDArray[np.float32], arm: ArmParameters) -> None:
@@ -72,18 +126,19 @@ def _check_postures(name: str, postures: NDArray[np.float32], arm: ArmParameters
         raise ValueError(f"{name} must lie within the joint limits, {limits}, got {first}.")
 
 
-def _rows(name: str, values: object, n: int) -> NDArray[np.float32]:
-    """Return ``values`` as (n, 2) float32, in memory of their own."""
+def _rows(name: str, values: object, n: int, row: tuple[int, ...] = (2,)) -> NDArray[np.float32]:
+    """Return ``values`` as (n, *row) float32, in memory of their own."""
     array = numbers(name, values)
-    if array.shape in ((2,), (1, 2)):
-        array = np.broadcast_to(array, (n, 2))
-    if array.shape != (n, 2):
-        raise ValueError(f"{name} must have shape {(n, 2)}, or be one row for all trials, got shape {array.shape}.")
+    if array.shape in (row, (1, *row)):
+        array = np.broadcast_to(array, (n, *row))
+    if array.shape != (n, *row):
+        raise ValueError(f"{name} must have shape {(n, *row)}, or be one row for all trials, got shape {array.shape}.")
     with np.errstate(over="ignore") if array.itemsize > _SINGLE else contextlib.nullcontext():
         rows = np.array(array, dtype=np.float32, order="C")
     finite = np.isfinite(rows)
     if not finite.all():
-        raise ValueError(f"{name} must consist of finite numbers, got {rows[~finite.all(axis=1)][0].tolist()}.")
+        first = rows[~finite.reshape(n, -1).all(axis=1)][0].tolist()
+        raise ValueError(f"{name} must consist of finite numbers, got {first}.")
     return rows
 
 

@@ -25,6 +25,21 @@ def step_terms(error: Any, excitation: Any) -> Any:
     )
 
 
+@wp.func
+def further_terms(hand_velocity: Any, change: Any, relative_force: Any) -> Any:
+    """Return a step's further terms (3,): squared hand speed, and means of squared changes and squared forces.
+
+    ``hand_velocity`` (2,) (m/s) and ``relative_force`` (6,), over the maximal isometric ones, are those after the step;
+    ``change`` (6,) is that of the excitations since the step before.
+    """
+    muscles = type(change[0])(float(N_MUSCLES))
+    return wp.vector(
+        wp.dot(hand_velocity, hand_velocity),
+        wp.dot(change, change) / muscles,
+        wp.dot(relative_force, relative_force) / muscles,
+    )
+
+
 weight_rows = wp.types.matrix((2, 3), wp.float32)
 
 

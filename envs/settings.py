@@ -9,6 +9,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
+from bilateral_rl.envs.losses import LossSettings
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Positive, Whole
 from bilateral_rl.envs.refusals import refusing_in_a_sentence
 
@@ -45,13 +46,41 @@ class TrialSettings:
     """Standard deviation of the noise on each muscle's excitation."""
     feedback_delay: Annotated[Whole, Field(ge=0, le=10_000)] = 0
     """How far what is sensed lags behind the arm (steps); the target is seen at once."""
+    length_noise: NotNegative | None = None
+    """Standard deviation of the noise on sensed muscle lengths (optimal lengths); null for ``sensory_noise``."""
+    velocity_noise: NotNegative | None = None
+    """Standard deviation of the noise on sensed muscle velocities (maximal velocities); null for ``sensory_noise``."""
+    vision_noise: NotNegative | None = None
+    """Standard deviation of the noise on the seen position of the hand (m); null for ``sensory_noise``."""
+    proprioception_delay: Annotated[Whole, Field(ge=0, le=10_000)] | None = None
+    """Lag of the sensed muscles (steps); null for ``feedback_delay``."""
+    vision_delay: Annotated[Whole, Field(ge=0, le=10_000)] | None = None
+    """Lag of the seen hand (steps); null for ``feedback_delay``. The target is seen at once."""
+    losses: LossSettings = field(default_factory=LossSettings)
+    """Weights of the terms in the losses of both sides, and so of their rewards."""
     arm: ArmParameters = field(default_factory=ArmParameters)
     """Physical constants."""
 
     @property
+    def noise_scale(self) -> tuple[float, ...]:
+        """Standard deviations (20,) of a step's noise: of what is sensed, then of the excitations."""
+        length, velocity, vision = (
+            self.sensory_noise if own is None else own
+            for own in (self.length_noise, self.velocity_noise, self.vision_noise)
+        )
+        muscles = [length] * N_MUSCLES + [velocity] * N_MUSCLES
+        return (*muscles, vision, vision, *[self.motor_noise] * N_MUSCLES)
+
+    @property
     def noisy(self) -> bool:
         """Whether any noise is drawn."""
-        return self.sensory_noise > 0 or self.motor_noise > 0
+        return any(self.noise_scale)
+
+    @property
+    def delays(self) -> tuple[int, int]:
+        """How far the sensed muscles and the seen hand lag behind (steps)."""
+        own = (self.proprioception_delay, self.vision_delay)
+        return tuple(self.feedback_delay if delay is None else delay for delay in own)  # type: ignore[return-value]
 
     def observation_bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest observation, (16,) each; hand and target lie within the arm's reach."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,41 @@ if TYPE_CHECKING:
 Float32 = NDArray[np.float32]
 
 
+NEVER = 1_000_000
+"""A step that no trial comes to: of a cue that does not come, or a target that does not jump."""
+
+
+class Timeline(NamedTuple):
+    """When the targets of ``n`` trials change; steps count from 0, and one is judged by the target seen before it."""
+
+    go: NDArray[np.int32]
+    """(n,): step from which on the goal is the target; until then it is the hand's position at the start. 0: at once;
+    ``NEVER``: no cue comes."""
+    jump: NDArray[np.int32]
+    """(n,): step, of at least ``go``, from which on the target is ``jump_goal``; ``NEVER``: it does not jump."""
+    jump_goal: Float32
+    """(n, 2): angles (rad) whose hand position the target jumps to."""
+
+
+class HandForces(NamedTuple):
+    """Forces on the hands of ``n`` trials beside the load: B v + K (x₀ − x), a pulse, and the walls of a channel."""
+
+    velocity_gain: Float32
+    """(n, 2, 2): B, force by velocity of the hand (N·s/m)."""
+    position_gain: Float32
+    """(n, 2, 2): K, force by distance from ``center`` (N/m)."""
+    center: Float32
+    """(n, 2): x₀, where the elastic field has no force (m)."""
+    pulse: Float32
+    """(n, 2): force (N) in the steps from the first of ``pulse_window`` on and before its second."""
+    pulse_window: NDArray[np.int32]
+    """(n, 2): first step of the pulse, and first step after it; counted from the start of the trial."""
+    walls: Float32
+    """(n, 2): stiffness (N/m) and damping (N·s/m) of the walls along the line through start and goal; 0: none."""
+
+
 class Trials(NamedTuple):
-    """The postures and loads of ``n`` trials."""
+    """What sets ``n`` trials apart."""
 
     start: Float32
     """(n, 2): shoulder and elbow angle at the start (rad); the arm is at rest."""
@@ -25,6 +58,14 @@ class Trials(NamedTuple):
     """(n, 2): angles (rad) whose hand position is the target."""
     load: Float32
     """(n, 2): constant force on the hand (N)."""
+    timeline: Timeline | None = None
+    """When targets change; None in a task without a timeline, whose targets are there from the start."""
+    forces: HandForces | None = None
+    """Further forces on the hand; None in a task without such."""
+
+
+PLACES = Trials._fields[:3]
+"""The fields that every trial has: start, goal and load."""
 
 
 class Task(ABC):
@@ -34,11 +75,19 @@ class Task(ABC):
         id: name in commands and run folders.
         n_uniform: uniform numbers that one trial takes.
         has_load: whether its trials draw a load, as ``settings.load`` and ``settings.max_load`` say.
+        has_timeline: whether its trials have a :class:`Timeline`.
+        has_forces: whether its trials have :class:`HandForces`.
+        judged_by: the measure that says how well it is done, "goal_completion" or "time_in_goal".
+        description: what the arm is to do, for lists.
     """
 
-    id: ClassVar[str]
-    n_uniform: ClassVar[int] = 4
-    has_load: ClassVar[bool] = True
+    id: str
+    n_uniform: int = 4
+    has_load: bool = True
+    has_timeline: bool = False
+    has_forces: bool = False
+    judged_by: Literal["goal_completion", "time_in_goal"] = "goal_completion"
+    description: str = ""
 
     @abstractmethod
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
@@ -72,6 +121,7 @@ class HoldPosition(Task):
     """Stay where the hand starts against a constant load, drawn as ``settings.load`` says."""
 
     id = "hold_position"
+    judged_by = "time_in_goal"
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
         start = _postures(uniform[:, :2], settings)

@@ -154,7 +154,7 @@ class TrialBatch:
                 where there is none, or none where there is.
         """
         arms = checked_arms(arms, self.n)
-        trials = checked_trials(trials, len(arms), self.settings.arm)
+        trials = checked_trials(trials, len(arms), self.task, self.settings.arm)
         self._set_noise(arms, noise)
         wp.launch(
             start_trials,
@@ -163,7 +163,7 @@ class TrialBatch:
                 self._p,
                 self._arrays,
                 wp.array(arms, dtype=wp.int32, device=self.device),
-                *(wp.array(values, dtype=vec2, device=self.device) for values in trials),
+                *(wp.array(values, dtype=vec2, device=self.device) for values in trials[:3]),
             ],
             device=self.device,
         )

@@ -60,7 +60,7 @@ def _sequence(seed: int, *stream: int) -> np.random.SeedSequence:
 
 def _draw(sequence: np.random.SeedSequence, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
     drawn = task.trials(np.random.default_rng(sequence).random((n, task.n_uniform)), settings)
-    trials = checked_trials(drawn, n, settings.arm)
+    trials = checked_trials(drawn, n, task, settings.arm)
     goal = Arm(settings.arm).rest(torch.from_numpy(trials.goal))
     return TrialTensors(
         start=torch.from_numpy(trials.start),

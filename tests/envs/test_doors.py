@@ -13,6 +13,7 @@ import torch
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.trials import training_trials
 from bilateral_rl.envs import Arm, ArmEnv, ArmParameters, ArmVecEnv, ArmVectorEnv, Task, Trials, TrialSettings
+from bilateral_rl.envs.tasks import PLACES
 from bilateral_rl.envs.trials import TrialBatch
 
 POSTURE = [0.8, 1.5]
@@ -54,7 +55,7 @@ def test_one_row_is_for_all_trials_and_any_real_numbers_do(rows):
 
 
 @each_door
-@pytest.mark.parametrize("field", Trials._fields)
+@pytest.mark.parametrize("field", PLACES)
 @pytest.mark.parametrize(
     "value",
     [lambda n: np.zeros(n + 2), lambda n: np.zeros((n + 1, 2)), 0.5, np.zeros((4, 3)), [np.nan, 0.5], [1e300, 0.5]],
