@@ -27,7 +27,7 @@ from bilateral_rl.config.hyperparameters import (
     TD3Hyperparameters,
 )
 from bilateral_rl.config.parse import Values, plain
-from bilateral_rl.envs.quantities import STRICT, Number, Whole
+from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, Penalty, Profile
 
@@ -60,6 +60,8 @@ class NetworkConfig:
     """Units per hidden layer, over both sides."""
     layers: Annotated[Whole, Field(ge=1, le=MOST_LAYERS)] = 2
     """Hidden layers."""
+    hidden_noise: NotNegative = 0.0
+    """Standard deviation of the noise that is added to each hidden unit's activity, in training and in tests."""
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -72,6 +72,7 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     arguments = {"architecture": config.spec.architecture} | dataclasses.asdict(
         network if isinstance(network, CriticsConfig) else ActorCriticConfig(network.units, network.layers)
     )
+    del arguments["hidden_noise"]  # until the policies take it
     if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyHyperparameters):
         arguments["n_critics"] = config.hyperparameters.n_critics
     return arguments
