@@ -213,5 +213,7 @@ def renewed(settings: T, cls: type[T]) -> T:
     """
     if not isinstance(settings, cls):
         raise TypeError(f"settings must be {cls.__name__}, got {type(settings).__name__}.")
-    changes = {"arm": renewed(settings.arm, ArmParameters)} if isinstance(settings, TrialSettings) else {}
+    values = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}  # type: ignore[arg-type]
+    inner = {name: value for name, value in values.items() if dataclasses.is_dataclass(type(value))}
+    changes = {name: renewed(value, type(value)) for name, value in inner.items()}
     return dataclasses.replace(settings, **changes)  # type: ignore[type-var]

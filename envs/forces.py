@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ class AffineForces(NamedTuple):
     """(n, 2, 2): K, likewise (N/m)."""
 
 
-def affine_forces(forces: HandForces, start: Float32, target: Float32) -> AffineForces:
+def affine_forces(forces: HandForces, start: NDArray[Any], target: NDArray[Any]) -> AffineForces:
     """Fold fields and walls into one affine force.
 
     The walls of a channel along the line through start and target push back across it: with n its unit normal,
@@ -43,7 +43,7 @@ def affine_forces(forces: HandForces, start: Float32, target: Float32) -> Affine
     )
 
 
-def channel_normals(start: Float32, target: Float32) -> Float32:
+def channel_normals(start: NDArray[Any], target: NDArray[Any]) -> Float32:
     """Return the unit vectors (n, 2) to the left of the line from start to target (m); 0 where they coincide."""
     along = target - start
     length = np.linalg.norm(along, axis=1, keepdims=True)
@@ -51,5 +51,5 @@ def channel_normals(start: Float32, target: Float32) -> Float32:
     return np.asarray(np.divide(left, length, out=np.zeros_like(left), where=length > 0), dtype=np.float32)
 
 
-def _times(matrices: Float32, vectors: Float32) -> Float32:
+def _times(matrices: NDArray[Any], vectors: NDArray[Any]) -> Float32:
     return np.asarray(np.einsum("nij,nj->ni", matrices, vectors), dtype=np.float32)

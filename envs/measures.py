@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.envs.doors import numbers
+from bilateral_rl.envs.refusals import shown
 
 if TYPE_CHECKING:
     from bilateral_rl.envs.trials import TrialBatch
@@ -17,21 +18,23 @@ STEPS_TO_COMPLETE = 3
 
 
 class TrialMeasures(NamedTuple):
-    """Measures of ``n`` trials."""
+    """Measures of ``n`` trials, from the onset of the last target on: the first step, unless a timeline changes it."""
 
     goal_completion: NDArray[np.bool_]
-    """(n,): whether the hand came within the threshold and stayed for three consecutive steps."""
+    """(n,): whether the hand came within the threshold and stayed for three consecutive steps; in a trial without a
+    cue, whether it never left the threshold."""
     speed_to_goal: NDArray[np.float64]
-    """(n,): start-target distance (m) over the steps until the goal was reached, the first of those three steps
-    counted; NaN where it never was, and where there is no such distance, as in a hold."""
+    """(n,): distance to the target at the onset (m) over the steps from there until the goal was reached, the first of
+    those three steps counted; NaN where it never was, and where there is no such distance, as in a hold."""
     time_in_goal: NDArray[np.int64]
-    """(n,): steps within the threshold."""
+    """(n,): steps within the threshold; none in a trial without a cue."""
     final_error: NDArray[np.float64]
     """(n,): distance to the target after the last step (m)."""
     speed_to_third_step: NDArray[np.float64]
     """(n,): as ``speed_to_goal``, but over the steps until the third of the three (m/step)."""
     time_to_goal: NDArray[np.float64]
-    """(n,): steps until the goal was reached, the first of the three counted; all of the trial's where it never was."""
+    """(n,): steps until the goal was reached, the first of the three counted; all from the onset on where it never was,
+    or no cue came."""
 
     def means(self) -> dict[str, float]:
         """Return the means over the trials in the units that people read: percent, cm, steps.
@@ -47,17 +50,20 @@ class TrialMeasures(NamedTuple):
         }
 
 
-def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: float) -> TrialMeasures:
+def trial_measures(
+    distance: ArrayLike, start_distance: ArrayLike, threshold: float, onset: ArrayLike | None = None
+) -> TrialMeasures:
     """Return the measures of ``n`` trials of ``T`` steps.
 
     Args:
         distance: (n, T), hand to target after each step (m).
-        start_distance: (n,), hand to target at the start (m).
+        start_distance: (n,), hand to target at the onset (m).
         threshold: radius of the goal (m).
+        onset: (n,), step at which the last target began; T where no cue came. None: the start.
 
     Raises:
         TypeError: no numbers.
-        ValueError: other shapes, or no step.
+        ValueError: other shapes, no step, or an onset outside the trial.
     """
     distance, start_distance = (
         numbers(name, values).astype(np.float64)
@@ -68,24 +74,37 @@ def trial_measures(distance: ArrayLike, start_distance: ArrayLike, threshold: fl
             "distance must have shape (n, T), with a step at least, and start_distance (n,), got "
             f"{distance.shape} and {start_distance.shape}."
         )
-    inside = distance <= threshold
-    stays = _runs_start(inside, STEPS_TO_COMPLETE)
-    completed = np.asarray(stays.any(axis=1))
-    steps = np.where(completed, stays.argmax(axis=1) + 1, np.nan) if stays.shape[1] else np.full(len(inside), np.nan)
+    inside, length = distance <= threshold, distance.shape[1]
+    begun = np.zeros(len(distance), dtype=np.int64) if onset is None else _checked_onset(onset, distance)
+    counted = inside if onset is None else inside & (np.arange(length) >= begun[:, None])
+    stays = _runs_start(counted, STEPS_TO_COMPLETE)
+    reached = np.asarray(stays.any(axis=1))
+    first = stays.argmax(axis=1) if stays.shape[1] else np.zeros(len(distance), dtype=np.int64)
+    steps = np.where(reached, first + 1 - begun, np.nan)
     distance_to_go = np.where(start_distance > 0, start_distance, np.nan)
     return TrialMeasures(
-        goal_completion=completed,
+        goal_completion=np.where(begun < length, reached, inside.all(axis=1)),
         speed_to_goal=distance_to_go / steps,
-        time_in_goal=inside.sum(axis=1),
+        time_in_goal=counted.sum(axis=1),
         final_error=distance[:, -1],
         speed_to_third_step=distance_to_go / (steps + STEPS_TO_COMPLETE - 1),
-        time_to_goal=np.where(completed, steps, distance.shape[1]),
+        time_to_goal=np.where(reached, steps, length - begun),
     )
+
+
+def _checked_onset(onset: ArrayLike, distance: NDArray[np.float64]) -> NDArray[np.int64]:
+    steps, (n, length) = numbers("onset", onset), distance.shape
+    if steps.dtype.kind not in "iu":
+        raise TypeError(f"onset must consist of whole numbers of steps, got {steps.dtype}.")
+    if steps.shape != (n,) or (steps > length).any() or (steps < 0).any():
+        raise ValueError(f"onset must be {n} steps from 0 to {length}, got {shown(steps)}.")
+    return steps.astype(np.int64)
 
 
 def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
     """Return what the environments' infos say at the end of the trials of ``arms``, one dictionary an arm."""
-    measures = trial_measures(batch.distance[arms], batch.start_distance[arms], batch.settings.threshold)
+    onset = batch.onset[arms] if batch.task.has_timeline else None
+    measures = trial_measures(batch.distance[arms], batch.start_distance[arms], batch.settings.threshold, onset)
     columns = {
         "vector_return": list(batch.vector_return[arms]),
         "is_success": measures.goal_completion.tolist(),

@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
-from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES
+from bilateral_rl.envs.losses import PAPER_TERMS, LossSettings
 
 
 @wp.func
@@ -40,9 +40,23 @@ def further_terms(hand_velocity: Any, change: Any, relative_force: Any) -> Any:
     )
 
 
-weight_rows = wp.types.matrix((2, 3), wp.float32)
+weight_rows: Any = wp.types.matrix((2, 3), wp.float32)
 
 
-def stream_weights() -> Any:
-    """Return a (2, 3) matrix for kernels: the weights of the terms in the dominant and in the non-dominant loss."""
-    return weight_rows(*(weight for side in SIDES for weight in LOSS_WEIGHTS[side].terms))
+@wp.struct
+class StepWeights:
+    """What the terms of a step count in the dominant (first row) and in the non-dominant loss."""
+
+    terms: weight_rows  # of the paper's terms
+    further: weight_rows  # of the further terms
+    first_counted: wp.int32  # first step in which error and speed of the hand count
+
+
+def step_weights(losses: LossSettings, trial_length: int) -> Any:
+    """Return the weights of ``losses`` in trials of so many steps, for kernels."""
+    weights = StepWeights()
+    n = len(PAPER_TERMS)
+    weights.terms = weight_rows(*(weight for row in losses.weights for weight in row[:n]))
+    weights.further = weight_rows(*(weight for row in losses.weights for weight in row[n:]))
+    weights.first_counted = wp.int32(0 if losses.last_steps is None else max(trial_length - losses.last_steps, 0))
+    return weights

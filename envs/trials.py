@@ -9,23 +9,27 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
 from bilateral_rl.envs.arm.warp_start import known_device
 from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renewed, whole_number
+from bilateral_rl.envs.forces import affine_forces
+from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.refusals import shown
-from bilateral_rl.envs.reward import stream_weights
+from bilateral_rl.envs.reward import step_weights
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import Task, Trials
+from bilateral_rl.envs.tasks import PLACES, Task, Trials
 from bilateral_rl.envs.trial_kernels import (
     N_NOISE,
     N_OBSERVED,
     N_SENSED,
+    Features,
     TrialArrays,
+    TrialRows,
     load_kernels,
+    mat22,
     rows,
-    start_trials,
-    step_trials,
+    steps2,
+    trial_kernels,
     vec2,
     vec4,
     vec6,
@@ -54,8 +58,8 @@ class TrialBatch:
 
     On a CPU every array below is a live view of the kernels' memory: copy what must outlive the next call. Writing into
     ``joint``, ``muscle``, ``target`` or ``load`` (``batch.load[:] = ...``) acts on the next step; ``observation`` and
-    the sums follow then. On CUDA the arrays are copies that cannot be written into. No attribute can be replaced: the
-    kernels know the memory, not the name.
+    the sums follow then, and a timeline still changes the target when its time comes. On CUDA the arrays are copies
+    that cannot be written into. No attribute can be replaced: the kernels know the memory, not the name.
 
     Everything is checked here, before a kernel sees it. All arms are in no trial until :meth:`start` begins one.
 
@@ -75,12 +79,15 @@ class TrialBatch:
         vector_reward: (n, 2) float32, dominant and non-dominant.
         vector_return: (n, 2) float32, sums since each trial's start.
         distance: (n, T) float32, hand to target after each step (m); entries from a trial's clock on are stale.
-        start_distance: (n,) float32 (m).
+        start_distance: (n,) float32, hand to target when the present target began (m).
         clock: (n,) int32, steps since each trial's start, read-only; T where a trial is over, or none has begun.
+        onset: (n,) int32, step at which the present target began, read-only: 0 without a timeline, T before the cue.
         joint: (n, 4) float32, angles (rad) and velocities (rad/s).
         muscle: (n, 7, 6) float32, rows as in :class:`~bilateral_rl.envs.arm.ArmState`.
-        hand, target: (n, 2) float32 (m).
-        load: (n, 2) float32 (N).
+        hand, target: (n, 2) float32 (m); the target is the one that is seen now, which judges the next step.
+        load: (n, 2) float32, the constant part of the force on the hand (N).
+        force: (n, 2) float32, the whole force on the hand in the last step, read-only (N): load, fields, pulse and
+            walls; before the first step, the load.
         excitation: (n, 6) float32, the last step's commands in [0, 1], before motor noise.
     """
 
@@ -96,11 +103,13 @@ class TrialBatch:
     distance: Float32
     start_distance: Float32
     clock: NDArray[np.int32]
+    onset: NDArray[np.int32]
     joint: Float32
     muscle: Float32
     hand: Float32
     target: Float32
     load: Float32
+    force: Float32
     excitation: Float32
 
     def __init__(
@@ -114,17 +123,20 @@ class TrialBatch:
         self._length = settings.trial_length
         self._steps_left = 0  # at most, of the arm that has most: what reads every clock is asked once a trial
         self._on_cpu = device == "cpu"
-        load_kernels(device)
+        features = Features(task.has_timeline, task.has_forces, not settings.losses.is_of_the_paper)
+        self._kernels = trial_kernels(features)
+        load_kernels(self._kernels, device)
         self._p = kernel_parameters(settings.arm, wp.float32)
-        self._arrays = _allocate(settings, n, device)
+        self._arrays = _allocate(settings, features, n, device)
+        self._state_names = (*_STATE, *_OF_TIMELINE * features.timeline, *_OF_FORCES * features.forces)
         self._action = wp.zeros(n, dtype=vec6, device=device)
         self._host_action = self._action.numpy()
         self._host_noise = self._arrays.noise.numpy()
-        self._noise_scale = np.array([settings.sensory_noise] * N_SENSED + [settings.motor_noise] * N_MUSCLES)
+        self._noise_scale = np.array(settings.noise_scale)
         self._step_command = wp.launch(
-            step_trials,
+            self._kernels.step,
             dim=n,
-            inputs=[self._p, stream_weights(), self._action, self._arrays],
+            inputs=[self._p, step_weights(settings.losses, self._length), self._action, self._arrays],
             device=device,
             record_cmd=True,
         )
@@ -144,7 +156,8 @@ class TrialBatch:
 
         Args:
             arms: (k,) whole numbers, each arm at most once.
-            trials: arrays (k, 2), or a single row for all: postures within the joint limits (rad), and loads (N).
+            trials: arrays (k, 2), or a single row for all: postures within the joint limits (rad), and loads (N);
+                with a timeline and with forces where the task has them.
             noise: (k, T + 1, 20) standard normal numbers, which the settings scale: of each step, fourteen for
                 what is sensed and six for the muscles. None where the settings have no noise.
 
@@ -157,13 +170,13 @@ class TrialBatch:
         trials = checked_trials(trials, len(arms), self.task, self.settings.arm)
         self._set_noise(arms, noise)
         wp.launch(
-            start_trials,
+            self._kernels.start,
             dim=len(arms),
             inputs=[
                 self._p,
-                self._arrays,
+                self._rows(trials),
                 wp.array(arms, dtype=wp.int32, device=self.device),
-                *(wp.array(values, dtype=vec2, device=self.device) for values in trials[:3]),
+                self._arrays,
             ],
             device=self.device,
         )
@@ -171,6 +184,27 @@ class TrialBatch:
             self._steps_left = self._length
         if not self._on_cpu:
             self._fetch()
+
+    def _rows(self, trials: Trials) -> TrialRows:
+        """Return checked trials as the kernels take them."""
+        given: dict[str, tuple[NDArray[Any], Any]] = {name: (getattr(trials, name), vec2) for name in PLACES}
+        if trials.timeline is not None:
+            go, jump, jump_goal = trials.timeline
+            given |= {"go": (go, wp.int32), "jump": (jump, wp.int32), "jump_goal": (jump_goal, vec2)}
+        if trials.forces is not None:
+            start, goal = (hand_position(angles, self.settings.arm) for angles in (trials.start, trials.goal))
+            affine = affine_forces(trials.forces, start, goal)
+            given |= {
+                "offset": (affine.offset, vec2),
+                "velocity_gain": (affine.velocity_gain, mat22),
+                "position_gain": (affine.position_gain, mat22),
+                "pulse": (trials.forces.pulse, vec2),
+                "pulse_window": (trials.forces.pulse_window, steps2),
+            }
+        rows = TrialRows()
+        for name, (values, dtype) in given.items():
+            setattr(rows, name, wp.array(values, dtype=dtype, device=self.device))
+        return rows
 
     def _set_noise(self, arms: NDArray[np.int32], noise: object) -> None:
         if noise is None and not self.settings.noisy:
@@ -221,7 +255,7 @@ class TrialBatch:
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything that the rest of the trials depends on, by name; on a CPU these are live views."""
-        return {name: getattr(self._arrays, name).numpy() for name in _STATE}
+        return {name: getattr(self._arrays, name).numpy() for name in self._state_names}
 
     def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Go on from the state that :meth:`state_arrays` returned.
@@ -230,7 +264,7 @@ class TrialBatch:
             ValueError: arrays of another shape or type, or numbers that such a batch cannot come to.
         """
         self.check_state_arrays(arrays)
-        for name in _STATE:
+        for name in self._state_names:
             getattr(self._arrays, name).assign(np.ascontiguousarray(arrays[name]))
         self._host_noise = self._arrays.noise.numpy()
         self._steps_left = self._length - int(arrays["clock"].min())
@@ -244,6 +278,8 @@ class TrialBatch:
             check_array(name, arrays.get(name), present)
         if (arrays["clock"] < 0).any() or (arrays["clock"] > self._length).any():
             raise ValueError("clock is outside the trial")
+        if "onset" in arrays and ((arrays["onset"] < 0) | (arrays["onset"] > self._length)).any():
+            raise ValueError("onset is outside the trial")
 
     def __getstate__(self) -> dict[str, Any]:
         arrays = self.state_arrays()
@@ -263,7 +299,7 @@ class TrialBatch:
         """Make the attributes the kernels' arrays: views on a CPU, copies of what is on another device."""
         for name in _OUTPUTS:
             array = self.__dict__[name] = getattr(self._arrays, name).numpy()
-            if name == "clock" or not self._on_cpu:  # what is written into it would be lost, or mistaken for a clock
+            if name in _READ_ONLY or not self._on_cpu:  # what is written into it would be lost, or mistaken
                 array.flags.writeable = False
 
 
@@ -271,8 +307,11 @@ _FIXED = ("task", "settings", "n", "device")
 _KEPT = frozenset(TrialBatch.__annotations__)
 _OUTPUTS = tuple(name for name in TrialBatch.__annotations__ if name not in _FIXED)
 """Names of the batch's arrays, which are those of the kernels' struct: an array that is annotated is offered."""
-_STATE = (*_OUTPUTS, "noise", "sensed")
-"""Names of the arrays that a saved state holds."""
+_READ_ONLY = ("clock", "onset", "force")
+_OF_TIMELINE = ("onset", "go", "jump", "goal_target", "jump_target")
+_OF_FORCES = ("force", "offset", "velocity_gain", "position_gain", "pulse", "pulse_window")
+_STATE = (*(name for name in _OUTPUTS if name not in _OF_TIMELINE + _OF_FORCES), "noise", "sensed")
+"""Names of the arrays that every saved state holds; those of timelines and forces follow where there are such."""
 
 
 def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> None:
@@ -296,7 +335,7 @@ def _n_arms(n: object) -> int:
     return number
 
 
-def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
+def _allocate(settings: TrialSettings, features: Features, n: int, device: str) -> TrialArrays:
     """Return the kernels' struct with arrays of zeros on ``device``."""
     length = settings.trial_length
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {
@@ -307,7 +346,7 @@ def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
         "target": ((n,), vec2),
         "load": ((n,), vec2),
         "noise": ((n, length + 1 if settings.noisy else 1, N_NOISE), wp.float32),
-        "sensed": ((n, settings.feedback_delay + 1, N_SENSED), wp.float32),
+        "sensed": ((n, max(settings.delays) + 1, N_SENSED), wp.float32),
         "observation": ((n, N_OBSERVED), wp.float32),
         "excitation": ((n,), vec6),
         "vector_reward": ((n,), vec2),
@@ -315,10 +354,22 @@ def _allocate(settings: TrialSettings, n: int, device: str) -> TrialArrays:
         "vector_return": ((n,), vec2),
         "start_distance": ((n,), wp.float32),
         "distance": ((n, length), wp.float32),
+        "onset": ((n,), wp.int32),
     }
+    if features.timeline:
+        steps, places = ((n,), wp.int32), ((n,), vec2)
+        shapes |= {"go": steps, "jump": steps, "goal_target": places, "jump_target": places}
+    if features.forces:
+        vectors, matrices = ((n,), vec2), ((n,), mat22)
+        shapes |= {"force": vectors, "offset": vectors, "pulse": vectors}
+        shapes |= {"velocity_gain": matrices, "position_gain": matrices}
+        shapes["pulse_window"] = ((n,), steps2)
     arrays = TrialArrays()
     for name, (shape, dtype) in shapes.items():
         setattr(arrays, name, wp.zeros(shape, dtype=dtype, device=device))
+    if not features.forces:
+        arrays.force = arrays.load
+    arrays.muscle_delay, arrays.hand_delay = map(wp.int32, settings.delays)
     arrays.clock.fill_(length)  # in no trial
     low, high = settings.observation_bounds()
     arrays.observation_low = wp.array(low, dtype=wp.float32, device=device)

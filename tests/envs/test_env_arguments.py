@@ -20,8 +20,10 @@ from bilateral_rl.envs import (
     VectorReward,
     VecVectorReward,
 )
+from bilateral_rl.envs.losses import LossSettings, SideLoss
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.envs.trials import TrialBatch
+from bilateral_rl.vocabulary import SIDES
 
 N, STEPS = 48, 12
 LOADED = {"task": "hold_position"}
@@ -50,6 +52,12 @@ OTHER_SETTINGS = {
     "sensory_noise": 0.01,
     "motor_noise": 0.01,
     "feedback_delay": 1,
+    "length_noise": 0.01,
+    "velocity_noise": 0.01,
+    "vision_noise": 0.01,
+    "proprioception_delay": 1,
+    "vision_delay": 1,
+    "losses": LossSettings(last_steps=3),
     "arm": ArmParameters(timestep=0.005),
 }
 OTHER_PARAMETERS = {
@@ -73,6 +81,16 @@ def test_every_setting_shows():
     assert plain == rollout(), "or nothing is shown below"
     for name, value in OTHER_SETTINGS.items():
         assert rollout(**{name: value}) != plain, name
+
+
+def test_every_weight_of_a_loss_shows_but_that_of_the_weight_penalty():
+    plain = rollout()
+    for side in SIDES:
+        for field in dataclasses.fields(SideLoss):
+            default = getattr(LossSettings(), side)
+            changed = dataclasses.replace(default, **{field.name: getattr(default, field.name) + 0.5})
+            shows = rollout(losses=LossSettings(**{side: changed})) != plain
+            assert shows == (field.name != "penalty"), field.name
 
 
 def test_every_parameter_of_the_arm_shows():

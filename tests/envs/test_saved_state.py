@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rich_tasks import RICH_SETTINGS, Rich
 
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.generators import generator_states, set_generator_states
@@ -24,8 +25,14 @@ def steps(venv, n, seed):
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, {"sensory_noise": 0.01, "motor_noise": 0.1, "feedback_delay": 3}, {"task": "hold_position"}],
-    ids=["plain", "noisy", "hold"],
+    [
+        {},
+        {"sensory_noise": 0.01, "motor_noise": 0.1, "feedback_delay": 3},
+        {"task": "hold_position"},
+        {"task": Rich()},
+        {"task": Rich(), **RICH_SETTINGS},
+    ],
+    ids=["plain", "noisy", "hold", "rich", "rich and noisy"],
 )
 def test_a_restored_environment_goes_on_to_the_same_bits(settings):
     venv = make(**settings)
@@ -35,6 +42,14 @@ def test_a_restored_environment_goes_on_to_the_same_bits(settings):
     twin = make(**settings)
     twin.set_state_arrays(saved)
     assert steps(twin, 500, seed=1) == steps(venv, 500, seed=1)  # beyond the trials that are drawn ahead
+
+
+def test_a_state_of_a_plain_task_has_the_arrays_that_it_always_had():
+    venv = make()
+    venv.reset()
+    names = "observation reward vector_reward vector_return distance start_distance clock joint muscle hand target load"
+    of_streams = "elapsed generators uniform next"
+    assert set(venv.state_arrays()) == {*names.split(), "excitation", "noise", "sensed", *of_streams.split()}
 
 
 def test_the_time_of_trials_goes_on():

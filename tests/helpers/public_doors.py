@@ -32,7 +32,7 @@ from bilateral_rl.envs import (
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.warp_start import start_warp
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.trial_kernels import start_trials, vec2
+from bilateral_rl.envs.trial_kernels import Features, TrialRows, trial_kernels, vec2
 from bilateral_rl.envs.trials import TrialBatch
 
 WORKS, REFUSED = "works", "refused"
@@ -235,8 +235,9 @@ def trap() -> Door:
     batch = Arms(0.0).batch
 
     def read_behind() -> None:
-        arms, row = wp.array(np.arange(N), dtype=wp.int32), wp.zeros(1, dtype=vec2)
-        wp.launch(start_trials, dim=N, inputs=[batch._p, batch._arrays, arms, row, row, row])
+        arms, rows = wp.array(np.arange(N), dtype=wp.int32), TrialRows()
+        rows.start = rows.goal = rows.load = wp.zeros(1, dtype=vec2)
+        wp.launch(trial_kernels(Features()).start, dim=N, inputs=[batch._p, rows, arms, batch._arrays])
 
     return Door(read_behind, st.just(()))
 
