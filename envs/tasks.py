@@ -64,6 +64,10 @@ class Trials(NamedTuple):
     """Further forces on the hand; None in a task without such."""
 
 
+FEATURES = ("cue", "jump", "field", "pulse", "channel")
+"""What the trials of a task may have: a go cue that comes later than the start, a target that jumps, a field of forces,
+a pulse, and a channel."""
+
 PLACES = Trials._fields[:3]
 """The fields that every trial has: start, goal and load."""
 
@@ -101,6 +105,23 @@ class Task(ABC):
             The trials, whose fields are arrays (n, 2) or lists, or one row where all trials have the same. Postures
             lie within the joint limits; anything else is refused when the trials begin.
         """
+
+    @property
+    def features(self) -> frozenset[str]:
+        """Which of :data:`FEATURES` some of its trials may have, which says what can be measured in them."""
+        of_timeline = ("cue", "jump") if self.has_timeline else ()
+        return frozenset((*of_timeline, *(("field", "pulse", "channel") if self.has_forces else ())))
+
+    def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
+        """Return which of the targets that it lists each trial of :meth:`trials` has, (n,), from 0; -1: no list."""
+        return np.full(len(uniform), -1, dtype=np.int32)
+
+    def field(self, uniform: NDArray[np.float64], settings: TrialSettings) -> HandForces | None:
+        """Return the forces of the trials as if the field were on in each of them, in place of any channel.
+
+        That is what a channel's force is measured against, and what catch trials lack.
+        """
+        return self.trials(uniform, settings).forces
 
 
 class RandomReach(Task):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.analysis import recording_files
 from bilateral_rl.analysis.conditions import Conditions
+from bilateral_rl.analysis.kinematics import hand_velocity
 from bilateral_rl.analysis.modulation import contributions
 from bilateral_rl.analysis.recording_fields import (
     CONTRIBUTION,
@@ -194,14 +195,6 @@ def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) 
     if isinstance(network, BilateralNetwork):
         arrays[CONTRIBUTION.name] = np.stack(contributions(network, observation), axis=2)
     return {field.name: arrays[field.name] for field in fields if field.name in arrays}
-
-
-def hand_velocity(joint: Float32, velocity: Float32, link_length: Sequence[float]) -> Float32:
-    """Return the velocity of the hand (…, 2) (m/s) from the joints' angles and velocities (…, 2) each (rad, rad/s)."""
-    angle, rate = np.cumsum(joint, axis=-1, dtype=np.float64), np.cumsum(velocity, axis=-1, dtype=np.float64)
-    speed = rate * np.asarray(link_length)  # of each link's end about its beginning
-    across = np.stack([-np.sin(angle), np.cos(angle)], axis=-2)  # (…, axis, link)
-    return np.asarray((speed[..., None, :] * across).sum(axis=-1), dtype=np.float32)
 
 
 def hidden_activity(network: MotorNetwork, observation: Float32) -> Float32:

@@ -54,6 +54,8 @@ class Field:
     """What it is, in words."""
     take: Callable[[TrialBatch], Float32] | None = field(default=None, compare=False, repr=False)
     """Returns its values from arms at a moment, or after a step; None for what is computed from other quantities."""
+    before: bool = False
+    """Whether the values of a step are taken before it."""
 
     def columns(self, shape: tuple[int, ...]) -> list[str]:
         """Return the names of a table's columns for an array of this ``shape``, in the order of its last axes."""
@@ -117,18 +119,33 @@ OBSERVATION = Field(
     "observation", (STEP, "observed"), "",
     "what the policy saw when the step began, with noise and delay: muscle lengths (optimal lengths), muscle "
     "velocities (maximal velocities), hand and target (m)",
-    attrgetter("observation"))
+    attrgetter("observation"), before=True)
+SEEN_TARGET = Field(
+    "seen_target", (STEP, "axis"), "m",
+    "position of the target that was seen when the step began, and by which the step is judged: until the go cue where "
+    "the hand started",
+    attrgetter("target"), before=True)
+HAND_FORCE = Field("force", (STEP, "axis"), "N",
+                   "whole force on the hand in the step: load, fields, pulse and channel", attrgetter("force"))
+FIELD_FORCE = Field(
+    "field_force", (STEP, "axis"), "N",
+    "force that the field of the experiment has at the hand's position and velocity when the step began, also in "
+    "trials in which it is off or a channel takes its place; 0 without a field")
 STEPS = (
     OBSERVATION,
+    SEEN_TARGET,
+    HAND_FORCE,
+    FIELD_FORCE,
     Field("excitation", (STEP, "muscle"), "", "command to the muscle, in [0, 1], held for the step; before motor noise",
           attrgetter("excitation")),
     Field("reward", (STEP, "side"), "", "reward for the step, from the hand at its end and the excitations in it",
           attrgetter("vector_reward")),
 )
 """What there is in each step."""
+TARGET = Field("target", ("axis",), "m", "position of the last target of the trial")
 TRIALS = (
-    Field("target", ("axis",), "m", "position of the target", attrgetter("target")),
-    Field("load", ("axis",), "N", "force on the hand, the same throughout the trial", attrgetter("load")),
+    TARGET,
+    Field("load", ("axis",), "N", "load on the hand, the same throughout the trial", attrgetter("load")),
 )
 """What sets a trial apart."""
 _HIDDEN = "activity (tanh) of the unit of the hidden layer, on the observation of the step, with the lesion"
@@ -151,7 +168,11 @@ LABEL_FIELDS = (
 )
 """What says which trial of which network this is."""
 HAND_VELOCITY = next(f for f in STATES if f.name == "hand_velocity")
-MEASURED = (*(f for f in STATES if f.name in ("joint_angle", "hand", "activation")), *STEPS[:2], *TRIALS)
+MEASURED = (
+    *(f for f in STATES if f.name in ("joint_angle", "joint_velocity", "hand", "activation")),
+    *(f for f in STEPS if f.name != "reward"),
+    *TRIALS,
+)
 """What trials are measured by; the rest is for recordings."""
 EVERY_FIELD = (*LABEL_FIELDS, *STATES, *STEPS, HIDDEN_OF_SIDES, HIDDEN, CONTRIBUTION, *TRIALS)
 """Every field there is, in the order of tables; ``hidden`` twice, for networks with and without sides."""

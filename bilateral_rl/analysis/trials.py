@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,13 +13,15 @@ import torch
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis import kinematics
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
-from bilateral_rl.analysis.recording_fields import MEASURED, OBSERVATION, STEP, TIME, Field
+from bilateral_rl.analysis.recording_fields import FIELD_FORCE, MEASURED, SEEN_TARGET, STEP, TARGET, TIME, Field
+from bilateral_rl.analysis.trial_plans import TrialPlan, plan_of
 from bilateral_rl.envs.arm import ArmParameters
-from bilateral_rl.envs.doors import numbers, whole_number
+from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import Trials, make_task
+from bilateral_rl.envs.tasks import Task, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
@@ -41,13 +43,20 @@ class TrialRecord:
     hand: Float32
     """(n, T + 1, 2): position of the hand at the start and after each step (m), the shoulder at the origin."""
     target: Float32
-    """(n, 2): position of the target (m)."""
+    """(n, 2): position of the last target (m): the goal, or where it jumped to; the start where no cue came."""
+    seen_target: Float32
+    """(n, T, 2): position of the target that is seen before each step (m)."""
     load: Float32
-    """(n, 2): force on the hand (N)."""
+    """(n, 2): constant force on the hand (N)."""
+    force: Float32
+    """(n, T, 2): whole force on the hand in each step (N): load, fields, pulse and channel."""
+    field_force: Float32
+    """(n, T, 2): force that the field of the experiment has for the hand's position and velocity before each step (N),
+    also in trials in which it is off, or a channel takes its place; 0 without a field."""
     distance: Float32
-    """(n, T): distance from hand to target after each step (m)."""
+    """(n, T): distance after each step from the hand to the target that is seen before it (m)."""
     start_distance: Float32
-    """(n,): distance from hand to target at the start (m)."""
+    """(n,): distance from hand to target (m) when the last target began: at the start, the go cue, or the jump."""
     observation: Float32
     """(n, T, 16): what the policy saw before each step, in the units of :class:`~bilateral_rl.envs.ArmEnv`."""
     excitation: Float32
@@ -56,6 +65,8 @@ class TrialRecord:
     """(n, T, 6): activation of the muscles after each step, in [0, 1]."""
     vector_return: Float32
     """(n, 2): sum of the rewards over the trial, dominant and non-dominant."""
+    plan: TrialPlan
+    """What sets the trials apart: when cues and pulses come, the trial's condition, which of the targets it has."""
     arm: ArmParameters
     """The arm that moved; ``arm.timestep`` is the length of a step (s)."""
 
@@ -91,7 +102,7 @@ class Evaluator:
     """The same trials, again and again: arm i does the first trial of seed ``seed + i``.
 
     Args:
-        task: id of the task.
+        task: id of the task, or the task.
         settings: how trials run.
         trials: number of trials.
         seed: seed of the first trial.
@@ -103,7 +114,7 @@ class Evaluator:
     """
 
     def __init__(
-        self, task: str, settings: TrialSettings, trials: int, seed: int, device: str | torch.device = "cpu"
+        self, task: str | Task, settings: TrialSettings, trials: int, seed: int, device: str | torch.device = "cpu"
     ) -> None:
         self._batch = TrialBatch(make_task(task), settings, trials, device)
         first = whole_number("seed", seed, 0)
@@ -121,6 +132,7 @@ class Evaluator:
         """
         arrays = self.record(policy, MEASURED, deterministic)
         joint, activation = arrays.pop("joint_angle"), arrays.pop("activation")
+        del arrays["joint_velocity"]
         return TrialRecord(
             **arrays,
             joint=joint,
@@ -128,6 +140,7 @@ class Evaluator:
             distance=self._batch.distance.copy(),
             start_distance=self._batch.start_distance.copy(),
             vector_return=self._batch.vector_return.copy(),
+            plan=self.plan,
             arm=self._batch.settings.arm,
         )
 
@@ -136,7 +149,8 @@ class Evaluator:
 
         Args:
             policy: acts in all trials at once.
-            fields: what is recorded, the observation among it.
+            fields: what is recorded, the observation among it; with the target also the seen ones, and with the force
+                of the field also hand, joint angles and their velocities.
             deterministic: whether it acts without exploration.
 
         Raises:
@@ -147,35 +161,73 @@ class Evaluator:
         # A hand that was ever out of range has a return that is.
         if not np.isfinite(self._batch.hand).all() or not np.isfinite(self._batch.vector_return).all():
             raise NotFiniteError("These trials cannot be measured: the arm that trial.arm describes leaves all bounds.")
+        if TARGET in fields:
+            arrays[TARGET.name] = arrays[SEEN_TARGET.name][:, -1].copy()
+        if FIELD_FORCE in fields:
+            arrays[FIELD_FORCE.name] = self._field_force(arrays)
         return arrays
 
     @functools.cached_property
-    def _trials(self) -> tuple[Trials, NDArray[np.float64] | None]:
-        """What sets the trials apart, drawn once: seeding takes as long as moving the arms."""
+    def plan(self) -> TrialPlan:
+        """What sets the trials apart."""
+        batch, drawn = self._batch, self._drawn
+        index = batch.task.target_indices(drawn.uniform, batch.settings)
+        return plan_of(drawn.trials, np.asarray(index, dtype=np.int32), batch.settings)
+
+    @functools.cached_property
+    def _drawn(self) -> _Drawn:
+        """What the trials are made of, drawn once: seeding takes as long as moving the arms."""
         batch = self._batch
         draws = [batch.draw(seeding.np_random(seed)[0]) for seed in self._seeds]
+        uniform = np.concatenate([draw.uniform for draw in draws])
         noise = [draw.noise for draw in draws if draw.noise is not None]
-        trials = batch.task.trials(np.concatenate([draw.uniform for draw in draws]), batch.settings)
-        return trials, np.concatenate(noise) if noise else None
+        trials = checked_trials(batch.task.trials(uniform, batch.settings), batch.n, batch.task, batch.settings.arm)
+        return _Drawn(uniform, trials, np.concatenate(noise) if noise else None)
+
+    def _field_force(self, arrays: dict[str, Float32]) -> Float32:
+        """The force B v + K (x₀ − x) of the field before each step, (n, T, 2) (N)."""
+        batch, hand = self._batch, arrays["hand"][:, :-1]
+        field = batch.task.field(self._drawn.uniform, batch.settings)
+        if field is None:
+            return np.zeros_like(hand)
+        lengths = batch.settings.arm.link_length
+        velocity = kinematics.hand_velocity(arrays["joint_angle"], arrays["joint_velocity"], lengths)[:, :-1]
+        gains = (
+            np.broadcast_to(field.velocity_gain, (batch.n, 2, 2)),
+            np.broadcast_to(field.position_gain, (batch.n, 2, 2)),
+        )
+        away = np.broadcast_to(field.center, (batch.n, 2))[:, None] - hand
+        force = sum(np.einsum("nij,ntj->nti", gain, of) for gain, of in zip(gains, (velocity, away), strict=True))
+        return np.asarray(force, dtype=np.float32)
 
     def _record(self, policy: MotorPolicy, fields: Sequence[Field], deterministic: bool) -> dict[str, Float32]:
         batch = self._batch
         length = batch.settings.trial_length
-        batch.start(np.arange(batch.n, dtype=np.int32), *self._trials)
+        batch.start(np.arange(batch.n, dtype=np.int32), self._drawn.trials, self._drawn.noise)
         taken = [(field, field.take, _room(field, batch)) for field in fields if field.take is not None]
         states = [(take, array) for field, take, array in taken if TIME in field.dims]
-        steps = [(take, array) for field, take, array in taken if STEP in field.dims and field != OBSERVATION]
+        steps = [(take, array) for field, take, array in taken if STEP in field.dims and not field.before]
+        seen = [(take, array) for field, take, array in taken if STEP in field.dims and field.before]
         arrays = {field.name: array for field, _, array in taken}
         for take, array in states:
             array[:, 0] = take(batch)
         for step in range(length):
-            arrays[OBSERVATION.name][:, step] = batch.observation
+            for take, array in seen:
+                array[:, step] = take(batch)
             batch.step(_action(policy, batch.observation, deterministic))
             for take, array in steps:
                 array[:, step] = take(batch)
             for take, array in states:
                 array[:, step + 1] = take(batch)
         return arrays
+
+
+class _Drawn(NamedTuple):
+    """Random numbers of the trials (n, n_uniform), what they come to, and noise (n, T + 1, 20) if there is any."""
+
+    uniform: NDArray[np.float64]
+    trials: Trials
+    noise: NDArray[np.float64] | None
 
 
 def _room(field: Field, batch: TrialBatch) -> Float32:

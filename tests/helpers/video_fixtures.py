@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from plain_trials import without_forces
 from rich.console import Console
 
 from bilateral_rl.analysis.trials import TrialRecord
@@ -37,7 +38,8 @@ def _make_record(n=1, steps=8, **values) -> TrialRecord:
         "vector_return": np.zeros((n, 2), np.float32),
         "arm": ArmParameters(),
     }
-    return TrialRecord(**record | values)
+    record |= values
+    return TrialRecord(**without_forces(record["hand"], record["target"], record["load"]) | record)
 
 
 @pytest.fixture(scope="session")

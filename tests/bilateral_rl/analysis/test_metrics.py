@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plain_trials import without_forces
 
 from bilateral_rl.analysis import kinematics, smoothness
 from bilateral_rl.analysis.metrics import (
@@ -26,12 +27,13 @@ def make_record(hand, target, excitation=0.0, arm=None):
     """Trials of hands (n, T + 1, 2) in cm."""
     hand, target = np.asarray(hand, dtype=np.float32) / 100, np.asarray(target, dtype=np.float32) / 100
     n, steps = len(hand), hand.shape[1] - 1
-    distance = np.linalg.norm(hand - target[:, None], axis=2)
+    distance, load = np.linalg.norm(hand - target[:, None], axis=2), np.zeros((n, 2), dtype=np.float32)
     return TrialRecord(
+        **without_forces(hand, target, load),
         joint=np.zeros((n, steps + 1, 2), dtype=np.float32),
         hand=hand,
         target=target,
-        load=np.zeros((n, 2), dtype=np.float32),
+        load=load,
         distance=distance[:, 1:],
         start_distance=distance[:, 0],
         observation=np.zeros((n, steps, 16), dtype=np.float32),

@@ -14,6 +14,7 @@ def policy(small):
 def test_an_evaluation_repeats_itself(policy):
     evaluator = Evaluator("random_reach", TrialSettings(), 16, seed=3)
     first, second = evaluator.run(policy), evaluator.run(policy)
+    assert first.plan is second.plan
     for a, b in zip(vars(first).values(), vars(second).values(), strict=True):
         np.testing.assert_array_equal(a, b)
 

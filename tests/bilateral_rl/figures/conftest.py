@@ -2,6 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
+from plain_trials import without_forces
 from treatments import treated
 
 from bilateral_rl.analysis.results import COLUMNS
@@ -55,7 +56,9 @@ def make_record():
             "vector_return": (n, 2),
         }
         zeros = {name: np.zeros(shape, dtype=np.float32) for name, shape in shapes.items()}
-        return TrialRecord(**(zeros | arrays), arm=ArmParameters(timestep=0.02))
+        given = zeros | arrays
+        rest = without_forces(given["hand"], given["target"], given["load"])
+        return TrialRecord(**(rest | given), arm=ArmParameters(timestep=0.02))
 
     return make
 

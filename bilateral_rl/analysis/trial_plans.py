@@ -1,0 +1,102 @@
+"""What sets the trials of a record apart before anything moves: targets, cues, jumps, pulses, and the conditions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.kinematics import hand_position
+from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.tasks import NEVER, Trials
+
+Float32 = NDArray[np.float32]
+Int32 = NDArray[np.int32]
+
+CONDITIONS = ("field", "null", "channel", "no_go", "jump", "pulse")
+"""What a trial's condition is made of: the field is on; nothing is (as in a trial whose field is off); the hand is in a
+channel; no go cue comes; the target jumps; a pulse comes."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrialPlan:
+    """Of ``n`` trials; steps count from 0, and ``NEVER`` stands for one that does not come."""
+
+    goal: Float32
+    """(n, 2): hand position of the goal, the target from the go cue on until it jumps (m)."""
+    go: Int32
+    """(n,): step from which on the goal is the target; 0 where it is there from the start."""
+    jump: Int32
+    """(n,): step from which on the target is another one."""
+    pulse: Int32
+    """(n, 2): first step of the pulse, and first step after it; ``NEVER`` twice where there is none."""
+    condition: NDArray[np.str_]
+    """(n,): one of :data:`CONDITIONS`, or several joined by "+" as in "field+jump"; "null" stands alone."""
+    target_index: Int32
+    """(n,): which of the listed targets it is, from 0; -1 where the targets are no list."""
+    target_angle: Float32
+    """(n,): direction from the hand at the start to the goal, from the x axis counterclockwise (rad), in (-π, π]; NaN
+    where both are one place."""
+
+    @property
+    def onset(self) -> Int32:
+        """(n,): step at which the last target began, from which on reaching is measured; ``NEVER`` without a cue."""
+        return np.where(self.jump < NEVER, self.jump, self.go).astype(np.int32)
+
+    def has(self, condition: str) -> NDArray[np.bool_]:
+        """(n,): whether ``condition``, one of :data:`CONDITIONS`, is among those of each trial."""
+        return np.array([condition in joined.split("+") for joined in self.condition], dtype=np.bool_)
+
+
+def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings) -> TrialPlan:
+    """Return the plan of checked trials.
+
+    Args:
+        trials: (n, …) each.
+        target_index: (n,).
+        settings: how they run; a cue or jump at the end of a trial, or later, does not come.
+    """
+    n, length = len(trials.start), settings.trial_length
+    start, goal = (hand_position(angles, settings.arm) for angles in (trials.start, trials.goal))
+    go, jump = np.zeros(n, dtype=np.int32), np.full(n, NEVER, dtype=np.int32)
+    pulse = np.full((n, 2), NEVER, dtype=np.int32)
+    if trials.timeline is not None:
+        go, jump = (_coming(steps, length) for steps in (trials.timeline.go, trials.timeline.jump))
+    if trials.forces is not None:
+        window = np.minimum(trials.forces.pulse_window, length)
+        pushes = trials.forces.pulse.any(axis=1) & (window[:, 0] < window[:, 1])
+        pulse = np.where(pushes[:, None], window, NEVER).astype(np.int32)
+    along = goal - start
+    apart = np.linalg.norm(along, axis=1) > 0
+    angle = np.where(apart, np.arctan2(along[:, 1], along[:, 0]), np.nan)
+    return TrialPlan(
+        goal=goal.astype(np.float32),
+        go=go,
+        jump=jump,
+        pulse=pulse,
+        condition=_conditions(trials, go, jump, pulse),
+        target_index=target_index,
+        target_angle=angle.astype(np.float32),
+    )
+
+
+def _coming(steps: Int32, length: int) -> Int32:
+    return np.where(steps < length, steps, NEVER).astype(np.int32)
+
+
+def _conditions(trials: Trials, go: Int32, jump: Int32, pulse: Int32) -> NDArray[np.str_]:
+    """Join what each trial has, the force on the hand first."""
+    n, forces = len(go), trials.forces
+    in_channel = in_field = np.zeros(n, dtype=np.bool_)
+    if forces is not None:
+        in_channel = np.asarray(forces.walls.any(axis=1))
+        in_field = np.asarray(forces.velocity_gain.any(axis=(1, 2)) | forces.position_gain.any(axis=(1, 2)))
+    has = {
+        "channel": in_channel,
+        "field": in_field & ~in_channel,
+        "no_go": go == NEVER,
+        "jump": jump < NEVER,
+        "pulse": pulse[:, 0] < NEVER,
+    }
+    return np.array(["+".join(name for name, of in has.items() if of[i]) or "null" for i in range(n)], dtype=np.str_)

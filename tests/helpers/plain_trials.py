@@ -1,0 +1,31 @@
+"""What records of trials without cues and forces have in common."""
+
+import numpy as np
+
+from bilateral_rl.analysis.trial_plans import TrialPlan
+from bilateral_rl.envs.tasks import NEVER
+
+
+def plain_plan(start, goal) -> TrialPlan:
+    """Return the plan of trials whose targets (n, 2) are there from the start (n, 2)."""
+    n, along = len(goal), np.asarray(goal, dtype=np.float32) - start
+    return TrialPlan(
+        goal=np.asarray(goal, dtype=np.float32),
+        go=np.zeros(n, dtype=np.int32),
+        jump=np.full(n, NEVER, dtype=np.int32),
+        pulse=np.full((n, 2), NEVER, dtype=np.int32),
+        condition=np.full(n, "null"),
+        target_index=np.full(n, -1, dtype=np.int32),
+        target_angle=np.where(along.any(axis=1), np.arctan2(along[:, 1], along[:, 0]), np.nan).astype(np.float32),
+    )
+
+
+def without_forces(hand, target, load) -> dict[str, np.ndarray]:
+    """Return what a record says of targets, forces and plan, of hands (n, T + 1, 2), targets and loads (n, 2)."""
+    n, steps = len(hand), np.shape(hand)[1] - 1
+    return {
+        "seen_target": np.repeat(np.asarray(target)[:, None], steps, axis=1),
+        "force": np.repeat(np.asarray(load)[:, None], steps, axis=1),
+        "field_force": np.zeros((n, steps, 2), dtype=np.float32),
+        "plan": plain_plan(np.asarray(hand)[:, 0], target),
+    }
