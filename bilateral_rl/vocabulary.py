@@ -19,7 +19,8 @@ Side = Literal["dominant", "non_dominant"]
 SIDES: tuple[Side, Side] = ("dominant", "non_dominant")
 """The order of every pair: rewards, returns, losses, combination weights."""
 
-GROUPS: tuple[str, ...] = (*SIDES, "shared")
+Group = Literal["dominant", "non_dominant", "shared"]
+GROUPS: tuple[Group, ...] = (*SIDES, "shared")
 """Every parameter of a network belongs to exactly one of these."""
 
 Architecture = Literal["unilateral", "bilateral", "callosal"]

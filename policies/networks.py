@@ -198,10 +198,11 @@ class BilateralNetwork(MotorNetwork):
         return prefix if prefix in SIDES else "shared"
 
     def constrain(self) -> None:
-        """Set negative combination weights to zero."""
+        """Set negative combination weights to zero, unless they are frozen and require no gradient."""
         with torch.no_grad():
-            self.combination_dominant.clamp_(min=0.0)
-            self.combination_non_dominant.clamp_(min=0.0)
+            for weight in (self.combination_dominant, self.combination_non_dominant):
+                if weight.requires_grad:
+                    weight.clamp_(min=0.0)
 
     def combination_weights(self) -> dict[Side, float]:
         """Return the weight of each side in the combination."""

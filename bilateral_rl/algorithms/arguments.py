@@ -9,13 +9,14 @@ import contextlib
 import functools
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.type_aliases import TrainFreq
 
 from bilateral_rl.policies.quantities import finite, switch, whole
+from bilateral_rl.vocabulary import GROUPS, Group
 
 Check = Callable[[str, Any], Any]
 """Takes the name and the value of an argument, and returns it as the algorithms use it, or raises a ValueError."""
@@ -99,6 +100,14 @@ def _noise(name: str, value: Any) -> Any:
     return value
 
 
+def _frozen(name: str, value: Any) -> tuple[Group, ...]:
+    """Take names of parameter groups, or one of them."""
+    groups = (value,) if isinstance(value, str) else tuple(value) if isinstance(value, Collection) else (value,)
+    if unknown := [group for group in groups if group not in GROUPS]:
+        raise ValueError(f"{name} takes names of parameter groups, {', '.join(GROUPS)}, not {unknown[0]!r}.")
+    return groups
+
+
 _share = functools.partial(finite, least=0.0, most=1.0)
 _not_negative = functools.partial(finite, least=0.0)
 _positive = functools.partial(finite, least=0.0, above=True)
@@ -106,6 +115,7 @@ _count_or_none = functools.partial(whole, least=0)
 
 EVERY: dict[str, Check] = {
     "weight_penalty": _not_negative,
+    "frozen": _frozen,
     "reward_scale": _positive,
     "learning_rate": _schedule,
     "gamma": _share,

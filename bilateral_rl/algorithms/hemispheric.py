@@ -32,7 +32,7 @@ from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.motor_policy import check_commands
 from bilateral_rl.policies.sb3_arguments import available
-from bilateral_rl.vocabulary import SIDES, Loss, group_penalties, stream_mix, stream_names
+from bilateral_rl.vocabulary import SIDES, Group, Loss, group_penalties, stream_mix, stream_names
 
 Log = defaultdict[str, list[Tensor]]
 """Measurements by name, an entry for each update: a number (), or one a stream (n_streams,)."""
@@ -66,7 +66,9 @@ class Hemispheric(BaseAlgorithm):
     """
 
     policy: MotorPolicy
-    action_traces: tuple[float, ...] = ()  # of models that were saved before there were any
+    # Of models that were saved before there were these:
+    action_traces: tuple[float, ...] = ()
+    frozen: tuple[Group, ...] = ()
     normalized_observations: bool | None = None
     """Whether it was trained on observations that ``VecNormalize`` normalized; None if it was not, or not yet."""
     _last_traces: NDArray[np.float32] | None = None  # (n_envs, n): of the actions before the last observation
@@ -74,7 +76,7 @@ class Hemispheric(BaseAlgorithm):
     """The class that ``policy`` must be of."""
     CHECKS: ClassVar[Mapping[str, Check]] = EVERY
     """What each argument may be."""
-    FIXED: ClassVar[tuple[str, ...]] = ("loss", "action_traces", "policy_kwargs", "seed")
+    FIXED: ClassVar[tuple[str, ...]] = ("loss", "action_traces", "frozen", "policy_kwargs", "seed")
     """Attributes of which what is built depends, so that another value afterwards would be half ignored."""
 
     def __init__(
@@ -86,6 +88,7 @@ class Hemispheric(BaseAlgorithm):
         weight_penalty: float,
         reward_scale: float,
         action_traces: Sequence[float],
+        frozen: Sequence[Group],
         policy_kwargs: dict[str, Any] | None,
         **sb3_arguments: Any,
     ) -> None:
@@ -98,6 +101,7 @@ class Hemispheric(BaseAlgorithm):
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
         self.action_traces = checked_decays(action_traces)
+        self.frozen = checked({"frozen": frozen}, EVERY)["frozen"]
         critics_of = {"n_streams": len(stream_mix(loss)), "n_traces": len(self.action_traces)}
         policy_kwargs = critics_of | available(policy_kwargs or {})
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **checked(sb3_arguments, self.CHECKS))
@@ -217,7 +221,23 @@ class Hemispheric(BaseAlgorithm):
                 f"action_traces has {len(self.action_traces)} decays, but the policy's critics see "
                 f"{self.policy.n_traces} traces: a saved model keeps its traces, and policy_kwargs leave n_traces out."
             )
+        self._freeze()
         self._built_with = {name: getattr(self, name) for name in (*self.FIXED, "learning_rate")}
+
+    def _freeze(self) -> None:
+        """Let the frozen groups of the network take no gradient, so that no loss, penalty or projection moves them.
+
+        Raises:
+            ValueError: a group that the network has not, or nothing left to learn.
+        """
+        groups, architecture = self._network_groups, self.policy.motor_network.architecture
+        if missing := [name for name in self.frozen if not groups[name]]:
+            raise ValueError(f"frozen names {missing[0]}, and a {architecture} network has no such parameters.")
+        if self.frozen and not any(group for name, group in groups.items() if name not in self.frozen):
+            raise ValueError(f"frozen leaves nothing of a {architecture} network to learn: give fewer groups.")
+        for name in self.frozen:
+            for parameter in groups[name]:
+                parameter.requires_grad_(False)
 
     def _check_attributes(self) -> None:
         """Refuse what cannot work, of the constructor's arguments, ``load``'s, and attributes that were set since."""

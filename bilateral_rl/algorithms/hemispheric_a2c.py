@@ -14,7 +14,7 @@ from stable_baselines3.common.type_aliases import GymEnv, Schedule
 from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
 from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.vocabulary import Loss
+from bilateral_rl.vocabulary import Group, Loss
 
 _RMS_PROP_EPS = 1e-5
 
@@ -25,8 +25,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
     Each stream has its own critic, advantage and policy loss; one optimizer step over the whole rollout applies the
     routed gradients (``algorithms/routing.py``), clipped per parameter group.
 
-    The arguments are those of SB3's ``A2C``, with its defaults, and four more: ``loss``, ``weight_penalty``,
-    ``reward_scale`` and ``action_traces``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
+    The arguments are those of SB3's ``A2C``, with its defaults, and five more: ``loss``, ``weight_penalty``,
+    ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -41,6 +41,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
             observation; none by default. They tell critics of hidden states of actuators, such as the activation of
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
+        frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
+            critics do, and so does the exploration.
         learning_rate: the optimizer's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         gamma: discount.
@@ -78,6 +80,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         reward_scale: float = 1.0,
         *,
         action_traces: Sequence[float] = (),
+        frozen: Sequence[Group] = (),
         learning_rate: float | Schedule = 7e-4,
         n_steps: int = 5,
         gamma: float = 0.99,
@@ -108,6 +111,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             weight_penalty=weight_penalty,
             reward_scale=reward_scale,
             action_traces=action_traces,
+            frozen=frozen,
             learning_rate=learning_rate,
             n_steps=n_steps,
             gamma=gamma,

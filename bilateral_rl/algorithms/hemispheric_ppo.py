@@ -18,7 +18,7 @@ from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
 from bilateral_rl.algorithms.stream_rollout import StreamBatch
 from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.vocabulary import Loss
+from bilateral_rl.vocabulary import Group, Loss
 
 
 class HemisphericPPO(HemisphericOnPolicy, PPO):
@@ -28,8 +28,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
     optimizer step applies the routed gradients (``algorithms/routing.py``), clipped per parameter group. The optimizer
     is Adam with its fused kernel.
 
-    The arguments are those of SB3's ``PPO``, with its defaults, and four more: ``loss``, ``weight_penalty``,
-    ``reward_scale`` and ``action_traces``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
+    The arguments are those of SB3's ``PPO``, with its defaults, and five more: ``loss``, ``weight_penalty``,
+    ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -44,6 +44,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
             observation; none by default. They tell critics of hidden states of actuators, such as the activation of
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
+        frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
+            critics do, and so does the exploration.
         learning_rate: Adam's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         batch_size: largest number of samples in a minibatch.
@@ -84,6 +86,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         reward_scale: float = 1.0,
         *,
         action_traces: Sequence[float] = (),
+        frozen: Sequence[Group] = (),
         learning_rate: float | Schedule = 3e-4,
         n_steps: int = 2048,
         batch_size: int = 64,
@@ -116,6 +119,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             weight_penalty=weight_penalty,
             reward_scale=reward_scale,
             action_traces=action_traces,
+            frozen=frozen,
             learning_rate=learning_rate,
             n_steps=n_steps,
             batch_size=batch_size,

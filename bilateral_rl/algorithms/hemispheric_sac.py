@@ -18,7 +18,7 @@ from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.off_policy import ActorValue, HemisphericOffPolicy
 from bilateral_rl.algorithms.stream_replay import StreamSamples
 from bilateral_rl.policies.off_policy import SAC_ALIASES, BilateralSACPolicy
-from bilateral_rl.vocabulary import Loss
+from bilateral_rl.vocabulary import Group, Loss
 
 
 class HemisphericSAC(HemisphericOffPolicy, SAC):
@@ -29,7 +29,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. The optimizers
     are Adam with its fused kernel.
 
-    The arguments are those of SB3's ``SAC``, with its defaults, and eight more, from ``loss`` to
+    The arguments are those of SB3's ``SAC``, with its defaults, and nine more, from ``loss`` to
     ``normalize_streams``.
 
     Args:
@@ -47,6 +47,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
             observation; none by default. They tell critics of hidden states of actuators, such as the activation of
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
+        frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
+            critics do, and so does the exploration.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
@@ -104,6 +106,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         *,
         critic_warm_up: int = 0,
         action_traces: Sequence[float] = (),
+        frozen: Sequence[Group] = (),
         standardize_inputs: bool = False,
         actor_value: ActorValue = "min",
         normalize_streams: bool = False,
@@ -144,6 +147,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             reward_scale=reward_scale,
             critic_warm_up=critic_warm_up,
             action_traces=action_traces,
+            frozen=frozen,
             standardize_inputs=standardize_inputs,
             actor_value=actor_value,
             normalize_streams=normalize_streams,

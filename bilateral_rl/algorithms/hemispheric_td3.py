@@ -18,7 +18,7 @@ from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.off_policy import ActorValue, HemisphericOffPolicy
 from bilateral_rl.algorithms.stream_replay import StreamSamples
 from bilateral_rl.policies.off_policy import TD3_ALIASES, BilateralTD3Policy
-from bilateral_rl.vocabulary import Loss
+from bilateral_rl.vocabulary import Group, Loss
 
 
 class HemisphericTD3(HemisphericOffPolicy, TD3):
@@ -28,7 +28,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
     gradient through a stream's critics is that stream's, and is routed (``algorithms/routing.py``). The optimizers are
     Adam with its fused kernel.
 
-    The arguments are those of SB3's ``TD3``, with its defaults, and eight more, from ``loss`` to
+    The arguments are those of SB3's ``TD3``, with its defaults, and nine more, from ``loss`` to
     ``normalize_streams``.
 
     Args:
@@ -46,6 +46,8 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         action_traces: decays, in [0, 1), of running averages of the past actions that the critics see besides the
             observation; none by default. They tell critics of hidden states of actuators, such as the activation of
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
+        frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
+            critics do, and so does the exploration.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
@@ -97,6 +99,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         *,
         critic_warm_up: int = 0,
         action_traces: Sequence[float] = (),
+        frozen: Sequence[Group] = (),
         standardize_inputs: bool = False,
         actor_value: ActorValue = "first",
         normalize_streams: bool = False,
@@ -132,6 +135,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             reward_scale=reward_scale,
             critic_warm_up=critic_warm_up,
             action_traces=action_traces,
+            frozen=frozen,
             standardize_inputs=standardize_inputs,
             actor_value=actor_value,
             normalize_streams=normalize_streams,

@@ -36,7 +36,7 @@ def assign_routed_gradients(losses: Sequence[Tensor], groups: Groups, group_shar
         losses: one scalar per stream, of one graph.
         groups: the parameters of each group.
         group_shares: per group, one share per stream. A parameter that no stream reaches gets ``grad = None``, so
-            that no optimizer moves it.
+            that no optimizer moves it, and so does a frozen one, which does not require any.
     """
     # For a parameter θ of group G: grad = Σ_s share(G, s) · ∂L_s/∂θ, one backward pass for each stream s. A pass asks
     # only for the parameters that have a share of it, but goes through the whole graph to reach them.
@@ -49,6 +49,7 @@ def assign_routed_gradients(losses: Sequence[Tensor], groups: Groups, group_shar
             for name, group in groups.items()
             if group_shares[name][stream]
             for parameter in group
+            if parameter.requires_grad
         ]
         if not owned:  # autograd refuses to differentiate by nothing
             continue
@@ -68,6 +69,8 @@ def add_weight_penalty(groups: Groups, weights: Mapping[str, float], coefficient
         if not weight * coefficient:
             continue
         for parameter in groups[name]:
+            if not parameter.requires_grad:  # frozen
+                continue
             penalty = weight * coefficient * parameter.detach()
             parameter.grad = penalty if parameter.grad is None else parameter.grad + penalty
 

@@ -123,6 +123,7 @@ class Trainer:
             epsilon=settings.epsilon,
             clip_norm=settings.clip_norm,
             step=int(state.updates),
+            trained=[variable.name for variable in self.layout.variables if variable.group not in config.frozen],
         )
         rollout.weights.copy_(state.weights[seeds])
         optimizer.first.copy_(state.first[seeds])

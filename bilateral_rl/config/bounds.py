@@ -23,6 +23,7 @@ from bilateral_rl.config.hyperparameters import (
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import GROUPS
 
 MOST_PARAMETERS = 10**7
 """Parameters of a network or a critic."""
@@ -40,6 +41,7 @@ def check(config: TrainConfig) -> None:
     if config.all_seeds[-1] > MAX_SEED:
         raise UserError(f"The last seed, seed + seeds - 1, must be at most {MAX_SEED:,}, got {config.all_seeds[-1]:,}.")
     _check_network(config)
+    _check_frozen(config)
     if isinstance(config, RLConfig):
         _check_rl(config)
     if isinstance(config, BPTTConfig):
@@ -97,6 +99,14 @@ def _check_network(config: TrainConfig) -> None:
         trouble = f"a callosum lies between hidden layers, so network.layers must be at least 2, got {layers}"
     if trouble is not None:
         raise UserError(f"The model {config.model} cannot be built: {trouble}.")
+
+
+def _check_frozen(config: TrainConfig) -> None:
+    """Refuse to freeze sides that there are not, or everything."""
+    if config.frozen and config.spec.architecture == "unilateral":
+        raise UserError(f"frozen names sides, which the model {config.model} has not: leave it out.")
+    if len(config.frozen) == len(GROUPS):
+        raise UserError(f"frozen leaves nothing to learn: give two of {', '.join(GROUPS)} at most.")
 
 
 def _check_rl(config: RLConfig) -> None:

@@ -29,7 +29,7 @@ from bilateral_rl.config.hyperparameters import (
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.vocabulary import PENALTIES, PROFILES, Penalty, Profile
+from bilateral_rl.vocabulary import PENALTIES, PROFILES, Group, Penalty, Profile
 
 MAX_SEED = 2**32 - 1
 MOST_UNITS, MOST_LAYERS, MOST_THREADS = 10_000, 100, 1_000
@@ -46,6 +46,18 @@ def _device(value: str) -> str:
     return value
 
 
+def _as_several(value: object) -> object:
+    """Take one word for a list of it."""
+    return (value,) if isinstance(value, str) else value
+
+
+def _once_each(groups: tuple[Group, ...]) -> tuple[Group, ...]:
+    if len(set(groups)) < len(groups):
+        raise ValueError(f"must name each group once, got {', '.join(groups)}")
+    return groups
+
+
+Groups = Annotated[tuple[Group, ...], BeforeValidator(_as_several), AfterValidator(_once_each)]
 Seed = Annotated[Whole, Field(ge=0, le=MAX_SEED)]
 Units = Annotated[Whole, Field(ge=1, le=MOST_UNITS)]
 Device = Annotated[str, BeforeValidator(_as_word), AfterValidator(_device)]
@@ -116,6 +128,8 @@ class TrainConfig(ABC):
     """CPU threads; 0 for as many as there are."""
     init_from: RunPath | None = None
     """RUN or RUN:seed whose network the training begins with; a fresh one by default."""
+    frozen: Groups = ()
+    """Parameter groups of the network that do not learn: any two of dominant, non_dominant and shared."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
     trial: TrialSettings = field(default_factory=TrialSettings)
 

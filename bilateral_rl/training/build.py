@@ -30,6 +30,7 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
             algorithm_class.POLICY_CLASS,
             env,
             loss=config.spec.loss,
+            frozen=config.frozen,
             **algorithm_arguments(config),
             stats_window_size=max(100, config.n_envs),
             policy_kwargs=policy_arguments(config),

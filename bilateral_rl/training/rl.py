@@ -17,6 +17,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies.off_policy import BilateralTD3Policy
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.training import checkpoint
 from bilateral_rl.training.build import build_algorithm
@@ -45,7 +46,7 @@ class RLLearner(Learner):
         self.evaluation_every, self.checkpoint_every = config.evaluation.every, config.evaluation.checkpoint_every
         self.algorithm = build_algorithm(config)
         if initial:
-            self.algorithm.policy.motor_network.load_state_dict(initial)
+            self._begin_with(initial)
         self._evaluations = Evaluations(config, folder)
         self._monitor = MonitorCallback(folder, ENVIRONMENT_IDS.get(config.task, config.task))
         self._probe = probe_of_run(config, folder)
@@ -148,6 +149,12 @@ class RLLearner(Learner):
             weights = self.algorithm.policy.motor_network.combination_weights()
             notes += silence_notes(self._evaluations.modulation, weights, self._config)
         return notes
+
+    def _begin_with(self, network: Tensors) -> None:
+        policy = self.algorithm.policy
+        policy.motor_network.load_state_dict(network)
+        if isinstance(policy, BilateralTD3Policy):  # or its first values are those of a network of chance
+            policy.actor_target.load_state_dict(policy.actor.state_dict())
 
     def _check_finite(self, cause: Exception | None = None) -> None:
         """Raise Diverged unless the policy is made of finite numbers, and comes to finite numbers."""

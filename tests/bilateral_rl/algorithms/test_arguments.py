@@ -33,6 +33,7 @@ SHOWS = {
     "weight_penalty": 0.5,
     "reward_scale": 2.0,
     "action_traces": (0.5,),
+    "frozen": "dominant",
     "learning_rate": 0.01,
     "gamma": 0.5,
     "stats_window_size": 3,

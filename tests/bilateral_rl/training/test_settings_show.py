@@ -30,7 +30,7 @@ NAMES = {"algo", "model", "task"}
 MACHINE = {"threads", "device", "track"}
 """What concerns the machine and who watches, and not the result."""
 SHARED = {
-    "seed", "seeds", "init_from", "timesteps", "n_envs", "evaluation.every", "evaluation.trials",
+    "seed", "seeds", "init_from", "frozen", "timesteps", "n_envs", "evaluation.every", "evaluation.trials",
     "evaluation.checkpoint_every", "evaluation.lesion_probe_every", "evaluation.seed",
 }  # fmt: skip
 """Settings of every reinforcement learning that are no arguments of an algorithm or a policy."""
@@ -84,10 +84,12 @@ SHOWS = {
     "ppo": {
         "seed": 1, "timesteps": 120, "n_envs": 5, "evaluation.every": 20, "evaluation.trials": 3,
         "evaluation.checkpoint_every": 40, "evaluation.lesion_probe_every": 40, "evaluation.seed": 5,
+        "frozen": ["dominant"],
         "trial": {"motor_noise": 0.1},
     },
     "bptt": {
         "seed": 1, "seeds": 2, "epochs": 3, "profile": "released", "network.units": 8, "network.layers": 3,
+        "frozen": "shared",
         "trial": {"trial_length": 4}, "bptt.learning_rate": 0.01, "bptt.epsilon": 1e-3, "bptt.clip_norm": 1e-3,
         "bptt.batch_size": 2, "bptt.trials": 4, "bptt.validation_trials": 3, "bptt.penalty": "activity",
         "bptt.penalty_coefficient": 0.5,
