@@ -195,6 +195,8 @@ def bounds(schema: Mapping[str, Any]) -> str:
     kind = schema.get("type")
     if kind == "array":
         inner = bounds(schema.get("items") or schema["prefixItems"][0])
+        if "enum" in schema.get("items", ()):
+            return f"a list of {inner}"
         fewest, most = schema.get("minItems", 0), schema["maxItems"]
         return f"{fewest if fewest == most else f'{fewest} to {most}'} numbers, each {inner}"
     if kind in ("number", "integer"):

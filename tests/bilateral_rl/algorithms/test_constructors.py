@@ -10,7 +10,7 @@ from stable_baselines3.common.buffers import DictRolloutBuffer, ReplayBuffer, Ro
 
 from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC
 
-OURS = {"loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0, "action_traces": ()}
+OURS = {"loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0, "action_traces": (), "frozen": ()}
 OURS_OFF_POLICY = OURS | {"critic_warm_up": 0, "standardize_inputs": False, "normalize_streams": False}
 """The arguments that hemispheric algorithms have besides SB3's, with their defaults."""
 
