@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from bilateral_rl.envs.arm_env import ArmEnv
     from bilateral_rl.envs.arm_vec_env import ArmVecEnv
     from bilateral_rl.envs.arm_vector_env import ArmVectorEnv
+    from bilateral_rl.envs.experiment import Experiment
+    from bilateral_rl.envs.experiment_files import ExperimentError, experiment_from_file, experiment_named
+    from bilateral_rl.envs.experiment_task import ExperimentTask
+    from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
     from bilateral_rl.envs.registration import ENVIRONMENT_IDS
     from bilateral_rl.envs.settings import TrialSettings
     from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, Task, Trials
@@ -26,6 +30,10 @@ _NAMES = {
     "arm_env": ("ArmEnv",),
     "arm_vec_env": ("ArmVecEnv",),
     "arm_vector_env": ("ArmVectorEnv",),
+    "experiment": ("Experiment",),
+    "experiment_files": ("ExperimentError", "experiment_from_file", "experiment_named"),
+    "experiment_task": ("ExperimentTask",),
+    "kinematics": ("hand_position", "inverse_kinematics"),
     "registration": ("ENVIRONMENT_IDS",),
     "settings": ("TrialSettings",),
     "tasks": ("TASKS", "HoldPosition", "RandomReach", "Task", "Trials"),
@@ -45,6 +53,9 @@ __all__ = [
     "ArmState",
     "ArmVecEnv",
     "ArmVectorEnv",
+    "Experiment",
+    "ExperimentError",
+    "ExperimentTask",
     "HoldPosition",
     "RandomReach",
     "Task",
@@ -54,6 +65,10 @@ __all__ = [
     "Trials",
     "VecVectorReward",
     "VectorReward",
+    "experiment_from_file",
+    "experiment_named",
+    "hand_position",
+    "inverse_kinematics",
 ]
 
 if not TYPE_CHECKING:

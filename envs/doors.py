@@ -34,11 +34,21 @@ def settings_for(task: Task, settings: Mapping[str, Any]) -> TrialSettings:
     Raises:
         ValueError: an unknown name, a value outside its range, or settings of a load where there is none.
     """
-    chosen, default = TrialSettings(**settings), TrialSettings()
+    usual, default = TrialSettings(**task.trial), TrialSettings()
+    chosen = TrialSettings(**_merged(task.trial, settings))
     for name in () if task.has_load else _OF_LOADS:
-        if getattr(chosen, name) != getattr(default, name):
+        if getattr(chosen, name) not in (getattr(default, name), getattr(usual, name)):
             raise ValueError(f"{name} has no effect on {task.id}, whose trials have no load: leave it out.")
     return chosen
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested settings with those of ``over`` in them."""
+    merged = dict(base)
+    for name, value in over.items():
+        both = isinstance(value, Mapping) and isinstance(merged.get(name), Mapping)
+        merged[name] = _merged(merged[name], value) if both else value
+    return merged
 
 
 def arguments_for(task: Task, settings: TrialSettings) -> dict[str, Any]:

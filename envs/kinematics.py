@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
+
+_ROUNDING = 1e-9
+"""By how much angles may be out of the joints' range, and positions out of reach, by rounding alone (rad, m)."""
 
 
 def hand_position(angles: ArrayLike, arm: ArmParameters) -> NDArray[np.float64]:
@@ -19,3 +24,68 @@ def hand_position(angles: ArrayLike, arm: ArmParameters) -> NDArray[np.float64]:
     return np.stack(
         [upper * np.cos(shoulder) + fore * np.cos(forearm), upper * np.sin(shoulder) + fore * np.sin(forearm)], axis=-1
     )
+
+
+def inverse_kinematics(
+    hand: ArrayLike, arm: ArmParameters, elbow: Literal["positive", "negative"] = "positive"
+) -> NDArray[np.float64]:
+    """Return the postures (…, 2) at which the hand is at positions (…, 2), exactly.
+
+    Args:
+        hand: positions (m), the shoulder at the origin.
+        arm: whose links and joints.
+        elbow: which of the two postures: that with an elbow angle of at least 0, or of at most 0.
+
+    Returns:
+        Angles of shoulder and elbow (rad).
+
+    Raises:
+        ValueError: positions that are out of the links' reach, or that the joints' limits do not allow with this elbow.
+    """
+    if elbow not in ("positive", "negative"):
+        raise ValueError(f"elbow must be positive or negative, got {elbow!r}.")
+    positions = np.asarray(hand, dtype=np.float64)
+    if positions.shape[-1:] != (2,) or not np.isfinite(positions).all():
+        raise ValueError("hand must be positions (…, 2) of finite numbers (m).")
+    upper, fore = arm.link_length
+    distance = np.hypot(positions[..., 0], positions[..., 1])
+    nearest, farthest = abs(upper - fore), upper + fore
+    _refuse(
+        positions,
+        (distance < nearest - _ROUNDING) | (distance > farthest + _ROUNDING),
+        f"is out of the arm's reach, which is from {nearest:.4g} to {farthest:.4g} m of the shoulder",
+    )
+    postures = _postures(positions, distance, upper, fore, 1.0 if elbow == "positive" else -1.0)
+    lower, higher = np.array(arm.joint_lower_limit), np.array(arm.joint_upper_limit)
+    # Full turns of the shoulder lead to the same hand, and the range may begin anywhere.
+    turns = np.ceil((lower[0] - _ROUNDING - postures[..., 0]) / (2 * np.pi))
+    postures[..., 0] += 2 * np.pi * turns
+    outside = (postures < lower - _ROUNDING) | (postures > higher + _ROUNDING)
+    limits = f"{np.round(lower, 3).tolist()} to {np.round(higher, 3).tolist()} rad"
+    _refuse(
+        positions,
+        outside.any(axis=-1),
+        f"cannot be taken by this arm with a {elbow} elbow: its joints go from {limits}",
+    )
+    return np.asarray(np.clip(postures, lower, higher))
+
+
+def _postures(
+    positions: NDArray[np.float64], distance: NDArray[np.float64], upper: float, fore: float, sign: float
+) -> NDArray[np.float64]:
+    """Return the postures by Heron's formula, which keeps its precision where the arm is stretched or folded.
+
+    With a the triangle's side between shoulder and hand, tan²(elbow / 2) is
+    ((u + f)² − a²) / (a² − (u − f)²), for the outer angle of the elbow.
+    """
+    stretched = np.maximum((upper + fore - distance) * (upper + fore + distance), 0.0)
+    folded = np.maximum((distance - abs(upper - fore)) * (distance + abs(upper - fore)), 0.0)
+    elbow = sign * 2 * np.arctan2(np.sqrt(stretched), np.sqrt(folded))
+    toward = np.arctan2(positions[..., 1], positions[..., 0])
+    return np.stack([toward - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow)), elbow], axis=-1)
+
+
+def _refuse(positions: NDArray[np.float64], wrong: np.bool_ | NDArray[np.bool_], why: str) -> None:
+    if wrong.any():
+        x, y = positions[wrong][0]
+        raise ValueError(f"the position [{x:.4g}, {y:.4g}] m {why}.")

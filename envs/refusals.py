@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import functools
+import types
 import typing
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -36,18 +38,23 @@ def refusal(cls: type[Any], errors: ValidationError) -> str:
     It says where, what was expected, and what there is.
     """
     error = errors.errors(include_url=False)[0]
-    path = [str(part) for part in error["loc"] if not isinstance(part, int)]
+    path = place(error["loc"])
     name, kind, value = ".".join(path), error["type"], error["input"]
+    if kind in ("missing", "missing_argument") and isinstance(error["loc"][-1], str):
+        return f"{name} must be given."
     if kind in ("unexpected_keyword_argument", "invalid_key"):
         where = f"in {'.'.join(path[:-1])}" if path[:-1] else "among the settings"
         inside = _field_type(cls, path[:-1])
         names = [f.name for f in dataclasses.fields(inside)]
         if owner := next((n for n in names if path and path[-1] in _names(_field_type(inside, [n]))), None):
             return f"{path[-1]} is a setting of {owner}: give {owner}={{{path[-1]!r}: ...}}."
-        return f"Unknown setting {path[-1] if path else error['loc'][-1]!r} {where}; choose from {', '.join(names)}."
+        unknown = path[-1] if path else error["loc"][-1]
+        near = difflib.get_close_matches(str(unknown), names, n=1)
+        hint = f"; you may have meant {near[0]}" if near else ""
+        return f"Unknown setting {unknown!r} {where}; choose from {', '.join(names)}{hint}."
     if kind == "value_error":
-        separator = "." if dataclasses.is_dataclass(_field_type(cls, path)) else " "
-        return f"{name}{separator if name else ''}{error['ctx']['error']}."
+        reason = str(error["ctx"]["error"])
+        return f"{name}{_separator(reason, _names(_field_type(cls, path))) if name else ''}{reason}."
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
         return f"Unknown {name} {shown(value)}; choose from {choices}."
@@ -61,6 +68,8 @@ def refusal(cls: type[Any], errors: ValidationError) -> str:
 
 _EXPECTED = {
     "dataclass": "settings by name",
+    "dict": "settings by name",
+    "union_tag": "numbers or settings by name",
     "int": "a whole number",
     "float": "a finite number",
     "finite": "a finite number",
@@ -78,11 +87,36 @@ _EXPECTED = {
 """What each of pydantic's kinds of error expects, by the beginning of its name; longer beginnings come first."""
 
 
+def _separator(reason: str, names: set[str]) -> str:
+    """Return what stands between a setting and the reason why it is refused, which may begin with one inside it."""
+    if reason.partition(" ")[0].partition(".")[0] in names:
+        return "."
+    return " " if reason.startswith("must") else ": "
+
+
+def place(loc: Sequence[int | str]) -> list[str]:
+    """Return the names of the settings that lead to where pydantic found something wrong.
+
+    Places in lists are left out, and so are the names, as ``<list>``, of the forms that a setting may have.
+    """
+    return [part for part in loc if isinstance(part, str) and not part.startswith("<")]
+
+
 def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
-    """Return the type of the field that ``path`` leads to from the dataclass ``cls``; object inside a dictionary."""
+    """Return the type of the field that ``path`` leads to from the dataclass ``cls``; object inside a dictionary.
+
+    Of a field that may have several forms, it is the dataclass among them.
+    """
     for part in path:
-        cls = typing.get_type_hints(cls)[part] if dataclasses.is_dataclass(cls) else object
+        cls = _settings_in(typing.get_type_hints(cls)[part]) if dataclasses.is_dataclass(cls) else object
     return cls
+
+
+def _settings_in(hint: Any) -> Any:
+    if not isinstance(hint, types.UnionType) and typing.get_origin(hint) is not typing.Union:
+        return hint
+    forms = [_settings_in(form) for form in typing.get_args(hint)]
+    return next((form for form in forms if dataclasses.is_dataclass(form)), hint)
 
 
 def _names(cls: type[Any]) -> set[str]:

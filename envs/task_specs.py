@@ -34,3 +34,15 @@ TASK_SPECS: dict[str, TaskSpec] = {
     ),
 }
 """By name, as in commands and run folders (paper section 3; what the paper judges each by: section 7)."""
+
+PARADIGMS: dict[str, str] = {
+    "center_out": "bilateral_rl/CenterOut-v0",
+    "curl_field": "bilateral_rl/CurlField-v0",
+    "saddle_field": "bilateral_rl/SaddleField-v0",
+    "target_jump": "bilateral_rl/TargetJump-v0",
+    "force_pulse": "bilateral_rl/ForcePulse-v0",
+    "delayed_reach": "bilateral_rl/DelayedReach-v0",
+}
+"""The experiments that ship, ``paradigms/<name>.yaml``, by name, and their names in Gymnasium."""
+ALIASES = {"centre_out": "center_out"}
+"""Other names of experiments."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.refusals import shown
-
 if TYPE_CHECKING:
+    from bilateral_rl.envs.experiment import Experiment
     from bilateral_rl.envs.settings import TrialSettings
 
 Float32 = NDArray[np.float32]
@@ -83,6 +84,7 @@ class Task(ABC):
         has_forces: whether its trials have :class:`HandForces`.
         judged_by: the measure that says how well it is done, "goal_completion" or "time_in_goal".
         description: what the arm is to do, for lists.
+        trial: settings of trials that it has where nobody says otherwise, by name.
     """
 
     id: str
@@ -92,6 +94,7 @@ class Task(ABC):
     has_forces: bool = False
     judged_by: Literal["goal_completion", "time_in_goal"] = "goal_completion"
     description: str = ""
+    trial: Mapping[str, Any] = {}
 
     @abstractmethod
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
@@ -146,21 +149,33 @@ class HoldPosition(Task):
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
         start = _postures(uniform[:, :2], settings)
-        return Trials(start=start, goal=start, load=_loads(uniform[:, 2:], settings))
+        return Trials(start=start, goal=start, load=draw_loads(uniform[:, 2:], settings))
 
 
 TASKS: dict[str, type[Task]] = {task.id: task for task in (RandomReach, HoldPosition)}
 
 
-def make_task(task: str | Task) -> Task:
-    """Return the task called ``task``, or ``task`` itself. Raises ValueError naming the valid choices."""
+def make_task(task: str | PathLike[str] | Task | Experiment) -> Task:
+    """Return a task.
+
+    Args:
+        task: "random_reach", "hold_position", the name of a paradigm such as "curl_field", an experiment or the YAML
+            file of one, or a task already.
+
+    Raises:
+        ValueError: there is none of that name, or a file that holds no experiment.
+        TypeError: something else.
+    """
     if isinstance(task, Task):
         return task
     if isinstance(task, type) and issubclass(task, Task):
         raise TypeError(f"a task is an object of its class: give {task.__name__}(), not {task.__name__}.")
-    if not isinstance(task, str) or task not in TASKS:
-        raise ValueError(f"unknown task {shown(task)}; choose from {', '.join(TASKS)}.")
-    return TASKS[task]()
+    if isinstance(task, str) and task in TASKS:
+        return TASKS[task]()
+    from bilateral_rl.envs import experiment_files  # what the two tasks do without
+    from bilateral_rl.envs.experiment_task import ExperimentTask
+
+    return ExperimentTask(experiment_files.find_experiment(task))
 
 
 def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
@@ -169,8 +184,8 @@ def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
     return np.asarray(lower + uniform * (upper - lower), dtype=np.float32)
 
 
-def _loads(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
-    """Return loads (n, 2) on the hand (N).
+def draw_loads(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
+    """Return loads (n, 2) on the hand (N), drawn as ``settings.load`` says from uniform numbers (n, 2).
 
     The text says "random direction, random bounded intensity": we read it as a size that is uniform itself, rather than
     a load uniform over the disk, of which most would be near the bound.

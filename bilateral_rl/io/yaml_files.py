@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,15 +56,65 @@ def parse_yaml(text: str) -> Any:
         raise ValueError(" ".join(str(error).split())) from None
 
 
-def _refuse_traps(text: str) -> None:
+class Lines:
+    """The lines, from 1, at which the settings of a YAML text stand."""
+
+    def __init__(self) -> None:
+        self._lines: dict[tuple[str | int, ...], int] = {}
+
+    def of(self, path: Sequence[str | int]) -> int:
+        """Return the line of a setting, or, if the text does not have it, of what is around it."""
+        while path and tuple(path) not in self._lines:
+            path = path[:-1]
+        return self._lines.get(tuple(path), 1)
+
+    def note(self, path: tuple[str | int, ...], node: yaml.Node) -> None:
+        """Note where a node and all in it stand. Raises ValueError for a name that is there twice."""
+        if isinstance(node, yaml.SequenceNode):
+            for i, item in enumerate(node.value):
+                self._lines[*path, i] = item.start_mark.line + 1
+                self.note((*path, i), item)
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                inner, line = (*path, str(key.value)), key.start_mark.line + 1
+                if inner in self._lines:
+                    name = ".".join(map(str, inner))
+                    raise ValueError(f"line {line}: {name} is there twice, first in line {self._lines[inner]}")
+                self._lines[inner] = line
+                self.note(inner, value)
+
+
+def parse_with_lines(text: str) -> tuple[Any, Lines]:
+    """Parse YAML as :func:`parse_yaml` does, and say where everything stands.
+
+    Raises:
+        ValueError: as there, and for a name that is there twice; the sentence begins with "line" and its number.
+    """
+    lines = Lines()
+    try:
+        _refuse_traps(text, with_line=True)
+        node = yaml.compose(text, Loader=_LOADER)
+        if node is not None:
+            lines.note((), node)
+        return yaml.load(text, Loader=_LOADER), lines
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise ValueError(f"line {mark.line + 1 if mark else 1}: it is no YAML: {error.problem}") from None
+    except yaml.YAMLError as error:  # a character that YAML does not know
+        line = text.count("\n", 0, getattr(error, "position", 0)) + 1
+        raise ValueError(f"line {line}: it is no YAML: {getattr(error, 'reason', error)}") from None
+
+
+def _refuse_traps(text: str, with_line: bool = False) -> None:
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
+        at = f"line {event.start_mark.line + 1}: " if with_line and event.start_mark else ""
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if isinstance(event, yaml.AliasEvent):
-            raise ValueError(f"it refers to parts of itself by the name {event.anchor!r}")
+            raise ValueError(f"{at}it refers to parts of itself by the name {event.anchor!r}")
         if (tag := getattr(event, "tag", None)) is not None:
-            raise ValueError(f"it has the tag {tag!r}")
+            raise ValueError(f"{at}it has the tag {tag!r}")
         if depth > DEEPEST_LEVEL:
-            raise ValueError(f"it has more than {DEEPEST_LEVEL} levels")
+            raise ValueError(f"{at}it has more than {DEEPEST_LEVEL} levels")
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > LONGEST_SCALAR:
-            raise ValueError(f"it has a part of more than {LONGEST_SCALAR:,} characters")
+            raise ValueError(f"{at}it has a part of more than {LONGEST_SCALAR:,} characters")

@@ -166,8 +166,8 @@ PLAIN = {
     VectorReward: {"env": lambda: gymnasium.make("Pendulum-v1"), "reward_pair": pairs(1.0)},
     VecVectorReward: {"venv": lambda: pendulums(), "reward_pairs": pairs(1.0)},
 }
-ELSEWHERE = {"Arm", "ArmParameters", "TrialBatch", "TrialSettings"}
-"""Classes that other tests look at: of this file, and of trials in test_doors.py."""
+ELSEWHERE = {"Arm", "ArmParameters", "Experiment", "ExperimentError", "ExperimentTask", "TrialBatch", "TrialSettings"}
+"""Classes that other tests look at: of this file, of trials in test_doors.py, of experiments in test_experiment*.py."""
 DATA = {"ArmState", "Transition", "Trials", "HoldPosition", "RandomReach", "Task"}
 """Classes without a constructor of their own: tuples of arrays, and tasks, which take no arguments."""
 

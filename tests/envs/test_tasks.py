@@ -147,7 +147,7 @@ def test_a_task_of_ones_own_runs_in_the_environments():
 
 def test_an_unknown_task_is_rejected_with_the_choices():
     for make in (make_task, ArmEnv, lambda task: ArmVecEnv(1, task)):
-        with pytest.raises(ValueError, match=r"unknown task 'reach'; choose from random_reach, hold_position"):
+        with pytest.raises(ValueError, match=r"Unknown task 'reach'; choose from random_reach, hold_position"):
             make("reach")
 
 

@@ -22,7 +22,7 @@ FLOORS: list[list[str]] = [
 ]
 """From the ground up. A room may import rooms of floors below, and of its own floor those that stand before it."""
 
-ALONE = {"envs": {"vocabulary", "reward_pair"}, "policies": {"vocabulary"}}
+ALONE = {"envs": {"vocabulary", "reward_pair", "io"}, "policies": {"vocabulary"}}
 """What these rooms may import at most: they know nothing of each other or of the study."""
 
 

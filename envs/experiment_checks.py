@@ -1,0 +1,116 @@
+"""What an experiment asks of the arm and of the length of a trial, which other settings may change."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bilateral_rl.envs.arm.parameters import ArmParameters
+from bilateral_rl.envs.experiment import Experiment, Place
+from bilateral_rl.envs.experiment_places import check_place, listed_hands
+from bilateral_rl.envs.kinematics import inverse_kinematics
+from bilateral_rl.envs.settings import TrialSettings
+
+_APART = 1e-6
+"""Positions that are nearer to each other count as one (m)."""
+
+
+class UnfitExperimentError(ValueError):
+    """An experiment that cannot run with given settings.
+
+    Attributes:
+        field: what of it, such as "timeline.go".
+    """
+
+    def __init__(self, field: str, reason: str) -> None:
+        self.field = field
+        super().__init__(f"{field}{' ' if reason.startswith('must') else ': '}{reason.rstrip('.')}.")
+
+
+def check_experiment(experiment: Experiment, settings: TrialSettings) -> None:
+    """Raise an :class:`UnfitExperimentError` unless all trials of an experiment can run with ``settings``.
+
+    Of places that are drawn from a region, its rim and a fine grid are tried.
+    """
+    _check_times(experiment, settings.trial_length)
+    starts = _check_starts(experiment, settings.arm)
+    targets = _check_targets(experiment, settings.arm, starts)
+    _check_channel(experiment, starts, targets)
+
+
+def _check_times(experiment: Experiment, length: int) -> None:
+    cues, forces = experiment.timeline, experiment.forces
+    go = 0 if cues is None else cues.go[1]
+    if go >= length:
+        raise UnfitExperimentError("timeline.go", f"must come within the trial of {length} steps, got {go}")
+    if cues is not None and cues.jump is not None and (last := go + cues.jump.at[1]) >= length:
+        raise UnfitExperimentError(
+            "timeline.jump.at", f"must come within the trial of {length} steps, got step {last} at the latest"
+        )
+    pulse = None if forces is None else forces.pulse
+    if pulse is not None and (end := go + pulse.at[1] + pulse.steps) > length:
+        raise UnfitExperimentError(
+            "forces.pulse", f"must end within the trial of {length} steps, got step {end} at the latest"
+        )
+
+
+def _check_starts(experiment: Experiment, arm: ArmParameters) -> NDArray[np.float64] | None:
+    """Return the positions (k, 2) of the hand at all starts; None where they are drawn from a region."""
+    around = experiment.start.center_out
+    if around is not None and around.center is None:
+        raise UnfitExperimentError("start.center_out.center", "must be given: a start has no start to lie around")
+    return _checked(experiment.start, "start", arm, None)
+
+
+def _check_targets(
+    experiment: Experiment, arm: ArmParameters, starts: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
+    """Return the positions (k, 2) of all targets; None where they are drawn from a region, or are the start."""
+    targets = starts
+    if not isinstance(experiment.target, str):
+        targets = _checked(experiment.target, "target", arm, starts)
+    jump = None if experiment.timeline is None else experiment.timeline.jump
+    if jump is None:
+        return targets
+    if jump.target is not None:
+        _checked(jump.target, "timeline.jump.target", arm, starts)
+    elif targets is None:
+        raise UnfitExperimentError(
+            "timeline.jump.offset",
+            "needs targets that are listed, as one that is drawn from a region may jump out of reach: give a target",
+        )
+    else:
+        elbow = "positive" if isinstance(experiment.target, str) else experiment.target.elbow
+        try:
+            inverse_kinematics((targets[:, None] + np.array(jump.offset)).reshape(-1, 2), arm, elbow)
+        except ValueError as error:
+            raise UnfitExperimentError("timeline.jump.offset", str(error)) from None
+    return targets
+
+
+def _checked(
+    place: Place, name: str, arm: ArmParameters, starts: NDArray[np.float64] | None
+) -> NDArray[np.float64] | None:
+    around = place.center_out
+    if around is not None and around.center is None and starts is None:
+        raise UnfitExperimentError(
+            f"{name}.center_out", "needs a start that is one posture or a list of them, or a center of its own"
+        )
+    try:
+        check_place(place, arm, starts)
+        return listed_hands(place, arm, starts)
+    except ValueError as error:
+        kind = next(kind for kind in ("joints", "hand", "center_out") if getattr(place, kind) is not None)
+        raise UnfitExperimentError(f"{name}.{kind}", str(error)) from None
+
+
+def _check_channel(
+    experiment: Experiment, starts: NDArray[np.float64] | None, targets: NDArray[np.float64] | None
+) -> None:
+    if experiment.forces is None or experiment.forces.channel is None or starts is None or targets is None:
+        return
+    around = None if isinstance(experiment.target, str) else experiment.target.center_out
+    if around is not None and around.center is None:
+        return  # they lie around each start
+    if (np.abs(starts[:, None] - targets).max(axis=-1) < _APART).any():
+        raise UnfitExperimentError("forces.channel", "needs targets that are not the start: its walls lead there")

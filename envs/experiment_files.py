@@ -1,0 +1,134 @@
+"""Experiments in YAML: those of users, and the paradigms that ship, with errors that name the line and the field."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import importlib.resources
+import os
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from bilateral_rl.envs.experiment import Experiment
+from bilateral_rl.envs.quantities import STRICT
+from bilateral_rl.envs.refusals import refusal, shown
+from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.task_specs import ALIASES, PARADIGMS, TASK_SPECS
+from bilateral_rl.io import files
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.io.yaml_files import LARGEST_SETTINGS, Lines, parse_with_lines
+
+T = TypeVar("T")
+SUFFIXES = (".yaml", ".yml")
+"""How files of experiments end."""
+
+
+class ExperimentError(UserError, ValueError):
+    """A file that holds no experiment; the sentence names the file, the line and the field."""
+
+
+def experiment_from_file(path: str | PathLike[str]) -> Experiment:
+    """Read an experiment from a YAML file.
+
+    Raises:
+        ExperimentError: the file cannot be read, or holds no experiment that its arm and trials allow.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise ExperimentError(f"{path} is a folder, and an experiment is a YAML file.")
+        text = files.read(path, LARGEST_SETTINGS).decode("utf-8")
+    except FileNotFoundError:
+        raise ExperimentError(f"There is no experiment {path}: the file does not exist.") from None
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ExperimentError(f"{path}, line {line}: it is not written in UTF-8.") from None
+    except UserError as error:
+        raise ExperimentError(error.on_command_line) from None
+    return _parse(text, path.stem, str(path))
+
+
+@functools.cache
+def experiment_named(name: str) -> Experiment:
+    """Return the paradigm called ``name`` that ships with the toolkit.
+
+    Raises:
+        ExperimentError: there is none; the sentence names those there are.
+    """
+    name = ALIASES.get(name, name)
+    if name not in PARADIGMS:
+        raise ExperimentError(f"Unknown experiment {shown(name)}; choose from {', '.join(PARADIGMS)}.")
+    file = importlib.resources.files("bilateral_rl.envs").joinpath("paradigms", f"{name}.yaml")
+    return _parse(file.read_text(encoding="utf-8"), name, str(file))
+
+
+def find_experiment(experiment: str | PathLike[str] | Experiment) -> Experiment:
+    """Return an experiment: one that is given, that of a YAML file, or a paradigm by its name.
+
+    Raises:
+        ExperimentError: there is none of that name, or a file that holds none.
+        TypeError: something else.
+    """
+    if isinstance(experiment, Experiment):
+        return experiment
+    if not isinstance(experiment, (str, PathLike)):
+        raise TypeError(f"task must be a name, a Task or an Experiment, got {type(experiment).__name__}.")
+    if is_file(experiment):
+        return experiment_from_file(experiment)
+    if ALIASES.get(experiment, experiment) in PARADIGMS:  # type: ignore[arg-type]
+        return experiment_named(str(experiment))
+    raise ExperimentError(unknown_task(str(experiment)))
+
+
+def is_file(task: str | PathLike[str]) -> bool:
+    """Whether words for a task are the path of a file."""
+    return not isinstance(task, str) or task.lower().endswith(SUFFIXES) or os.sep in task
+
+
+def unknown_task(task: str) -> str:
+    """Say that there is no such task, and what there is."""
+    names = [*TASK_SPECS, *PARADIGMS]
+    near = difflib.get_close_matches(task, names, n=1)
+    hint = f"; you may have meant {near[0]}" if near else ""
+    return f"Unknown task {shown(task)}; choose from {', '.join(names)}, or give the .yaml file of an experiment{hint}."
+
+
+def _parse(text: str, name: str, source: str) -> Experiment:
+    try:
+        values, lines = parse_with_lines(text)
+    except ValueError as error:
+        raise ExperimentError(f"{source}, {error}.") from None
+    if not isinstance(values, Mapping):
+        kind = "is empty" if values is None else f"holds {shown(values)}"
+        raise ExperimentError(f"{source}, line 1: it {kind}, and an experiment needs start and target by name.")
+    experiment = _built(Experiment, {"name": name, **values}, lines, source)
+    settings = _built(_TrialSection, {"trial": experiment.trial}, lines, source).trial
+    _check_fit(experiment, settings, lines, source)
+    return experiment
+
+
+@dataclass(frozen=True, config=STRICT)
+class _TrialSection:
+    trial: TrialSettings
+
+
+def _built(cls: type[T], values: Mapping[str, Any], lines: Lines, source: str) -> T:
+    try:
+        return TypeAdapter(cls).validate_python(values)
+    except ValidationError as error:
+        loc = [part for part in error.errors()[0]["loc"] if not str(part).startswith("<")]
+        raise ExperimentError(f"{source}, line {lines.of(loc)}: {refusal(cls, error)}") from None
+
+
+def _check_fit(experiment: Experiment, settings: TrialSettings, lines: Lines, source: str) -> None:
+    from bilateral_rl.envs.experiment_checks import UnfitExperimentError, check_experiment  # numerical
+
+    try:
+        check_experiment(experiment, settings)
+    except UnfitExperimentError as error:
+        raise ExperimentError(f"{source}, line {lines.of(error.field.split('.'))}: {error}") from None
