@@ -27,7 +27,14 @@ if TYPE_CHECKING:
     from bilateral_rl.api.comparison import Comparison, compare
     from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs
-    from bilateral_rl.api.plots import plot_curves, plot_lesions, plot_muscles, plot_paths, plot_speeds
+    from bilateral_rl.api.plots import (
+        plot_center_out,
+        plot_curves,
+        plot_lesions,
+        plot_muscles,
+        plot_paths,
+        plot_speeds,
+    )
     from bilateral_rl.api.rendering import render
     from bilateral_rl.api.reproduction import Reproduction, reproduce
     from bilateral_rl.api.run import Run, load
@@ -48,6 +55,7 @@ MODULES = {
     "import_model": "api.importing",
     "list_runs": "api.listing",
     "load": "api.run",
+    "plot_center_out": "api.plots",
     "plot_curves": "api.plots",
     "plot_lesions": "api.plots",
     "plot_muscles": "api.plots",
@@ -73,6 +81,7 @@ __all__ = [
     "import_model",
     "list_runs",
     "load",
+    "plot_center_out",
     "plot_curves",
     "plot_lesions",
     "plot_muscles",

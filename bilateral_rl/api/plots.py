@@ -15,6 +15,7 @@ from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.api.checks import whole
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.figures import curves as learning
+from bilateral_rl.figures.center_out import MOST_TARGETS, Reaches, draw_center_out, has_few_targets
 from bilateral_rl.figures.lesions import draw_lesions
 from bilateral_rl.figures.recordings import draw_muscles, draw_paths, draw_speeds
 from bilateral_rl.io.errors import UserError
@@ -59,6 +60,35 @@ def plot_paths(
 
 
 @in_python
+def plot_center_out(
+    recording: Recording, ax: Axes | None = None, *, seed: int | None = None, lesion: str | None = None
+) -> Axes:
+    """Draw the hand's paths around the start, a hue for each target: thin the trials, thick their mean.
+
+    Args:
+        recording: from :meth:`Run.record`, of a task with a few targets, such as center-out.
+        ax: where to draw; None for a new figure.
+        seed: seed of the network; it may be left out where there is one only.
+        lesion: its lesion, likewise.
+
+    Raises:
+        UserError: a recording of several networks or lesions and no word on which, one that is not in it, or one whose
+            trials do not repeat a few targets.
+    """
+    rows = _one(recording, seed, lesion)
+    reaches = Reaches(recording["hand"][rows], recording["target"][rows])
+    if not has_few_targets(reaches):
+        raise UserError(
+            f"The {len(rows)} trials do not repeat 2 to {MOST_TARGETS} targets around their starts: record more of "
+            "them or another task, or draw them by plot_paths."
+        )
+    axes = _axes(ax, (4.0, 4.0))
+    draw_center_out(axes, reaches, recording.metadata["settings"]["threshold"])
+    axes.set_title(f"{len(rows)} trials, {_words(recording, rows)}", fontsize=10)
+    return axes
+
+
+@in_python
 def plot_speeds(recording: Recording, ax: Axes | None = None) -> Axes:
     """Draw the hand's speed (cm/s) over time (ms), a line a lesion.
 
@@ -97,7 +127,7 @@ def plot_muscles(
     rows = _one(recording, seed, lesion)
     axes = _axes(ax, (5.0, 3.4))
     draw_muscles(axes, recording["activation"][rows], recording.timestep)
-    axes.set_title(f"{len(rows)} trials, {_words(recording, rows)}", fontsize=10, pad=40)
+    axes.set_title(f"{len(rows)} trials, {_words(recording, rows)}", fontsize=10)
     return axes
 
 

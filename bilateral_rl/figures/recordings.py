@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from bilateral_rl.analysis.kinematics import hand_speed
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures.bands import draw_band
-from bilateral_rl.figures.style import INK, ModelStyle, legend_above, style_axes
+from bilateral_rl.figures.style import INK, TEXT_SIZE, ModelStyle, legend_above, style_axes
 from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
 
 Floating = NDArray[np.floating]
+
+_ROOM_FOR_LEGEND = 0.25
+"""Share of the axis's height."""
 
 _COLORS = ("#a63603", "#fd8d3c", "#01665e", "#5ab4ac", "#7b52ab", "#c51b7d", "#de77ae")
 _MARKERS = ("^", "v", "s", "D", "X", "P", "h")
@@ -92,5 +95,8 @@ def draw_muscles(axes: Axes, activation: Floating, timestep: float) -> None:
     for index, (muscle, style) in enumerate(MUSCLE_STYLES.items()):
         draw_band(axes, time, activation[..., index], style, muscle, index)
     style_axes(axes, "Time (ms)", "Activation (0 to 1)")
-    axes.set_ylim(bottom=0)
-    legend_above(axes, columns=3)
+    # The legend lies inside: above, it would push the title out of figures that are laid out by hand.
+    top = axes.get_ylim()[1] / (1 - _ROOM_FOR_LEGEND)
+    axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1])
+    axes.set_ylim(0, top)
+    axes.legend(loc="upper center", fontsize=TEXT_SIZE, frameon=False, ncols=3, columnspacing=1.2)

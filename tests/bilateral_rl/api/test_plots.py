@@ -1,5 +1,7 @@
 """Figures in a given axis: what they show, and what they refuse."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -25,6 +27,14 @@ def recording(loaded):
 
 
 @pytest.fixture
+def around_a_center(recording):
+    """The recording, as if each network had reached for two targets in turn."""
+    hand = recording["hand"]
+    target = hand[:, 0] + np.where(recording["trial"][:, None] % 2, (0.1, 0), (0, 0.1))
+    return dataclasses.replace(recording, arrays={**recording.arrays, "target": target})
+
+
+@pytest.fixture
 def results(loaded):
     return loaded.lesion(["callosum", "deep_dominant"], "none", trials=4, progress=False)
 
@@ -39,6 +49,28 @@ def test_paths_are_of_one_network_and_lesion(recording, ax):
     np.testing.assert_allclose([goal.center for goal in goals], 100 * recording["target"][rows][:3], rtol=1e-6)
     assert {goal.radius for goal in goals} == {5.0}
     assert ax.get_title() == "3 trials, seed 1, callosum"
+
+
+def test_center_out_has_a_hue_for_each_target(around_a_center, ax):
+    assert brl.plot_center_out(around_a_center, ax, seed=1, lesion="intact") is ax
+    rows = (around_a_center["seed"] == 1) & (around_a_center["lesion"] == "intact")
+    hand = 100 * (around_a_center["hand"] - around_a_center["hand"][:, :1])[rows]
+    to_the_right, upward = [line.get_xydata() for line in ax.lines if line.get_gid() == "mean"]
+    np.testing.assert_allclose(to_the_right, hand[1::2].mean(axis=0), atol=1e-5)
+    np.testing.assert_allclose(upward, hand[::2].mean(axis=0), atol=1e-5)
+    assert ax.get_title() == "5 trials, seed 1, intact"
+
+
+@pytest.mark.parametrize("size", [(6.4, 4.8), (4.5, 3.0)])
+def test_title_and_legend_of_muscles_lie_inside_a_figure_that_lays_nothing_out(recording, size):
+    figure = Figure(figsize=size)
+    axes = brl.plot_muscles(recording, figure.subplots(), seed=0, lesion="intact")
+    figure.draw_without_rendering()
+    title, legend = axes.title.get_window_extent(), axes.get_legend().get_window_extent()
+    assert title.y1 < figure.bbox.y1
+    assert legend.y1 < title.y0
+    highest = max(band.get_datalim(axes.transData).y1 for band in axes.collections)
+    assert axes.transData.transform((0, highest))[1] < legend.y0 + 4
 
 
 def test_speeds_have_a_line_a_lesion(recording, ax):
@@ -106,6 +138,10 @@ def test_without_an_axis_there_is_a_new_figure(recording, monkeypatch):
             "There is no seed 7 in this recording; choose from 0, 1, 2",
         ),
         (lambda r, t: brl.plot_paths(r, seed=0, lesion="intact", trials=0), "^`trials` must be at least 1"),
+        (
+            lambda r, t: brl.plot_center_out(r, seed=0, lesion="intact"),
+            "The 5 trials do not repeat 2 to 24 targets around their starts",
+        ),
         (lambda r, t: brl.plot_speeds(t), "`recording` must be one, as `run.record"),
         (lambda r, t: brl.plot_speeds(r, [1]), "`ax` must be one axis of matplotlib, such as axes.0., not list"),
         (lambda r, t: brl.plot_lesions(r), "`results` must be a table of lesions"),

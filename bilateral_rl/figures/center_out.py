@@ -1,0 +1,120 @@
+"""Reaches to a few targets as motor control shows them: around the start, a hue for each target, their mean on top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import seaborn
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from bilateral_rl.figures.style import INK, LABEL_SIZE, WIDTH, new_figure, set_note, set_title, style_axes
+
+Floating = NDArray[np.floating]
+
+MOST_TARGETS = 24
+"""More hues than so many cannot be told apart."""
+_SAME_TARGET = 1e-3  # m
+_FURTHEST = 2.5  # distances of the furthest target: what goes beyond is cut off, or nothing else could be seen
+_MOST_COLUMNS = 3
+_NOTE = "Thin: trials. Thick: their mean. Discs: targets. Positions are relative to the start."
+
+
+@dataclass(frozen=True)
+class Reaches:
+    """Trials of one condition."""
+
+    hand: Floating
+    """(n, T + 1, 2): position of the hand at the start and after each step (m)."""
+    target: Floating
+    """(n, 2): position of the target, the last one where it jumps (m)."""
+
+    def target_numbers(self) -> NDArray[np.intp]:
+        """Return the number of each trial's target (n,), counted from 0 by direction and distance from the start."""
+        offsets = self.target - self.hand[:, 0]
+        numbers = np.full(len(offsets), -1)
+        found: list[Floating] = []
+        while (numbers < 0).any():
+            first = offsets[numbers.argmin()]
+            numbers[(numbers < 0) & (np.linalg.norm(offsets - first, axis=1) < _SAME_TARGET)] = len(found)
+            found.append(first)
+        x, y = np.reshape(found, (-1, 2)).T
+        direction = np.arctan2(y, x).round(3) % (2 * np.pi)
+        order = np.lexsort((np.hypot(x, y), direction))
+        return np.asarray(order.argsort()[numbers], dtype=np.intp)
+
+
+def has_few_targets(reaches: Reaches) -> bool:
+    """Whether trials repeat a few targets, several of them away from the start: else there is nothing to group."""
+    numbers = reaches.target_numbers()
+    n_targets = int(numbers.max(initial=-1)) + 1
+    return 2 <= n_targets <= min(MOST_TARGETS, len(numbers) // 2)
+
+
+def center_out(conditions: Mapping[str, Reaches], radius: float, title: str) -> Figure:
+    """Draw the hand's paths around the start, a panel a condition.
+
+    Args:
+        conditions: trials by the words for their condition, such as "null", "field" and "after-effect".
+        radius: radius of the goal (m).
+        title: title of the figure.
+    """
+    columns = 2 if len(conditions) == 4 else min(len(conditions), _MOST_COLUMNS)
+    rows = -(-len(conditions) // columns)
+    figure = new_figure(0.9 + rows * WIDTH / max(columns, 2))
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat[len(conditions) :]:
+        axes.set_visible(False)
+    for i, (axes, (words, reaches)) in enumerate(zip(panels.flat, conditions.items(), strict=False)):
+        draw_center_out(axes, reaches, radius)
+        axes.set_title(words, fontsize=LABEL_SIZE)
+        axes.set_ylabel("Hand y (cm)" * (i % columns == 0))
+        is_lowest = i + columns >= len(conditions)
+        axes.set_xlabel("Hand x (cm)" * is_lowest)
+        axes.tick_params(labelbottom=is_lowest)
+    limit = max(_limit(reaches, radius) for reaches in conditions.values())
+    panels.flat[0].set(xlim=(-limit, limit), ylim=(-limit, limit))
+    set_title(figure, title)
+    set_note(figure, _NOTE)
+    return figure
+
+
+def draw_center_out(axes: Axes, reaches: Reaches, radius: float) -> None:
+    """Draw the hand's paths around the start, a hue for each target: each trial, and the mean over those to a target.
+
+    Args:
+        axes: where to draw.
+        reaches: the trials.
+        radius: radius of the goal (m).
+    """
+    start = reaches.hand[:, :1]
+    paths, goals = 100 * (reaches.hand - start), 100 * (reaches.target - start[:, 0])
+    numbers = reaches.target_numbers()
+    hues = seaborn.husl_palette(int(numbers.max(initial=0)) + 1, s=0.85, l=0.55)
+    for number, color in enumerate(hues):
+        of_target = numbers == number
+        if of_target.any():
+            axes.add_patch(Circle(tuple(goals[of_target][0]), 100 * radius, color=color, alpha=0.22, linewidth=0))
+            for path in paths[of_target]:
+                axes.plot(*path.T, color=color, linewidth=0.6, alpha=0.35, gid="trial")
+    for number, color in enumerate(hues):
+        of_target = numbers == number
+        if of_target.any():
+            axes.plot(*paths[of_target].mean(axis=0).T, color=color, linewidth=2.0, gid="mean", zorder=3)
+    axes.plot(0, 0, "o", markersize=4, color="white", markeredgecolor=INK, markeredgewidth=0.8, zorder=4, gid="start")
+    limit = _limit(reaches, radius)
+    style_axes(axes, "Hand x (cm)", "Hand y (cm)")
+    axes.grid(visible=False)
+    axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
+
+
+def _limit(reaches: Reaches, radius: float) -> float:
+    """Return half the side of what is shown (cm): the targets, and the paths unless they go far astray."""
+    start = reaches.hand[:, :1]
+    furthest = np.linalg.norm(reaches.target - start[:, 0], axis=1).max(initial=0)
+    paths = np.abs(reaches.hand - start).max(initial=0)
+    return float(105 * max(furthest + radius, min(paths, _FURTHEST * furthest)))
