@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.stability import check_stability
 from bilateral_rl.envs.tasks import NEVER, PLACES, HandForces, Task, Timeline, Trials
 
 T = TypeVar("T")
@@ -79,6 +80,7 @@ def checked_trials(trials: object, n: int, task: Task, arm: ArmParameters) -> Tr
         checked = checked._replace(timeline=_checked_timeline(given.timeline, n, arm))
     if given.forces is not None:
         checked = checked._replace(forces=_checked_forces(given.forces, n))
+        check_stability(checked.forces, arm)  # type: ignore[arg-type]
     return checked
 
 

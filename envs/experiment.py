@@ -241,9 +241,9 @@ class ForceChannel:
         ValueError: a number outside its range.
     """
 
-    stiffness: Size = 1000.0
+    stiffness: Size = 4000.0
     """Stiffness of the walls (N/m)."""
-    damping: Size = 50.0
+    damping: Size = 150.0
     """Damping of the walls (N·s/m)."""
     share: Share = 1.0
     """Share of trials that run in a channel, without field."""
