@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import torch
 from gymnasium import spaces
-from stable_baselines3.common.distributions import SquashedDiagGaussianDistribution
+from stable_baselines3.common.distributions import Distribution, SquashedDiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
@@ -26,7 +26,9 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
     space. As sigmoid(z) = (tanh(z / 2) + 1) / 2, the deterministic action on muscles commanded in [-1, 1] is exactly
     the network's sigmoid output. The critics are networks of their own and see the same observation, and traces of past
     actions if there are any. Those the algorithm keeps: SB3's ``forward``, ``evaluate_actions`` and ``predict_values``,
-    which have no argument for them, are then refused.
+    which have no argument for them, are then refused. So are ``forward`` and ``evaluate_actions`` of a network with
+    noise: the noise of an action is part of what its density depends on, and must be the same when that is computed
+    again, as the hemispheric algorithms do.
 
     Args:
         observation_space: any space that SB3 flattens.
@@ -35,6 +37,7 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases below have one by default.
         units: units per hidden layer of the actor, over both sides.
         layers: hidden layers of the actor.
+        hidden_noise: standard deviation of the noise on each hidden unit's activity in the actor, whatever it is for.
         critic_arch: units of each hidden layer of a critic.
         n_streams: number of reward streams, a critic for each. SB3's scalar value is the mean of the streams' values.
         n_traces: traces of past actions that the critics see besides the observation, as many as the algorithm keeps.
@@ -60,6 +63,7 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         architecture: Architecture | None = None,
         units: int = 10,
         layers: int = 2,
+        hidden_noise: float = 0.0,
         critic_arch: tuple[int, ...] = (64, 64),
         n_streams: int = 1,
         n_traces: int = 0,
@@ -72,6 +76,7 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
             "architecture": architecture or type(self).architecture,
             "units": whole("units", units),
             "layers": whole("layers", layers),
+            "hidden_noise": finite("hidden_noise", hidden_noise, 0.0),
         }
         self.critic_arch = widths("critic_arch", critic_arch)
         self.critic_activation_fn = critic_activation_fn
@@ -121,10 +126,46 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         groups["shared"] += [parameter for parameter in self.parameters() if id(parameter) not in owned]
         return groups
 
-    def action_mean(self, obs: PyTorchObs) -> Tensor:
-        """Return the mean of the Gaussian before the squashing, (n, n_actions)."""
+    def action_mean(self, obs: PyTorchObs, noise: Tensor | None = None) -> Tensor:
+        """Return the mean of the Gaussian before the squashing, (n, n_actions).
+
+        Args:
+            obs: (n, n_observed).
+            noise: (n, layers · sides, width), what ``motor_network.noise`` drew for these; None for no noise.
+        """
         features = BasePolicy.extract_features(self, obs, self.pi_features_extractor)
-        return self.mlp_extractor.forward_actor(features)  # type: ignore[no-any-return, operator, arg-type]
+        return self.mlp_extractor.forward_actor(features, noise)  # type: ignore[no-any-return, operator, arg-type, call-arg]
+
+    def get_distribution(self, obs: PyTorchObs) -> Distribution:
+        """Return the distribution of actions, with noise that is drawn for it."""
+        noise = self.motor_network.noise.draw(len(obs), self.device)
+        return self._get_action_dist_from_latent(self.action_mean(obs, noise))
+
+    def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
+        """Return actions (n, *action shape), values (n, 1) and log probabilities (n,), as SB3's own algorithms ask.
+
+        Raises:
+            ValueError: a network with noise, or critics that see traces.
+        """
+        self._check_forgetful()
+        return super().forward(obs, deterministic)
+
+    def evaluate_actions(self, obs: PyTorchObs, actions: Tensor) -> tuple[Tensor, Tensor, Tensor | None]:
+        """Return values (n, 1) and log probabilities (n,) of actions, and the entropy, as SB3's own algorithms ask.
+
+        Raises:
+            ValueError: a network with noise, or critics that see traces.
+        """
+        self._check_forgetful()
+        return super().evaluate_actions(obs, actions)
+
+    def _check_forgetful(self) -> None:
+        """Refuse noise that nobody keeps until the density of an action is computed again."""
+        if self.motor_network.noise.std:
+            raise ValueError(
+                "SB3's PPO and A2C forget the noise that an action was taken with (hidden_noise): train by "
+                "HemisphericPPO or HemisphericA2C, which take loss='combined' too, or leave hidden_noise out."
+            )
 
     def predict_stream_values(self, obs: PyTorchObs, traces: Tensor | None = None) -> Tensor:
         """Return the value of each reward stream, (n, n_streams).
@@ -183,11 +224,11 @@ class _Latents(nn.Module):
         """Map features (n, n_inputs) to half the actor's output (n, n_actions) and the values (n, n_streams)."""
         return self.forward_actor(features), self.forward_critic(features)
 
-    def forward_actor(self, features: Tensor) -> Tensor:
-        """Map features (n, n_inputs) to half the network's output (n, n_actions)."""
+    def forward_actor(self, features: Tensor, noise: Tensor | None = None) -> Tensor:
+        """Map features (n, n_inputs) to half the network's output (n, n_actions), with the noise of its units."""
         # The network gives z, and SB3 squashes what it gets by tanh; from z / 2 comes tanh(z / 2) = 2 sigmoid(z) - 1:
         # the excitation sigmoid(z) in [0, 1], as a command in [-1, 1].
-        return self.actor(features) / 2  # type: ignore[no-any-return]
+        return self.actor(features, noise) / 2  # type: ignore[no-any-return]
 
     def forward_critic(self, features: Tensor, traces: Tensor | None = None) -> Tensor:
         """Map features (n, n_inputs) and traces (n, traces_dim) to the value of each stream (n, n_streams).

@@ -9,43 +9,66 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor, nn
 
+from bilateral_rl.policies.hidden_noise import HiddenNoise
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION, Lesion, find_lesion
-from bilateral_rl.policies.quantities import whole
+from bilateral_rl.policies.quantities import finite, whole
 from bilateral_rl.vocabulary import GROUPS, SIDES, Architecture, Side
 
 
 class MotorNetwork(nn.Module, ABC):
     """A controller from observation to muscle excitation; base class of the three architectures.
 
-    ``forward`` gives the output layer's values before the sigmoid, :meth:`excitation` the sigmoid of them.
+    ``forward`` gives the output layer's values before the sigmoid, :meth:`excitation` the sigmoid of them. Both are
+    without noise unless they are given what ``noise.draw`` draws, as the policies do for every action.
 
     Args:
         n_inputs: size of the observation.
         n_outputs: number of muscles.
         units: units per hidden layer, over both sides (U).
         layers: hidden layers (L).
+        hidden_noise: standard deviation of the noise on each hidden unit's activity.
 
     Attributes:
         lesion: the present lesion; set it with :meth:`set_lesion` or :meth:`lesioned`.
+        noise: what the noise of the hidden units is drawn from.
 
     Raises:
         ValueError: sizes that the architecture cannot have.
     """
 
     architecture: Architecture
+    sides: int = 1
+    """Stacks of hidden layers beside each other."""
 
-    def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
+    def __init__(
+        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
+    ) -> None:
         super().__init__()
         self.n_inputs, self.n_outputs = whole("n_inputs", n_inputs), whole("n_outputs", n_outputs)
         self.units, self.layers = whole("units", units), whole("layers", layers)
         self.lesion = NO_LESION
+        self.noise = HiddenNoise(finite("hidden_noise", hidden_noise, 0.0), self.hidden_shape)
+
+    @property
+    def hidden_shape(self) -> tuple[int, int]:
+        """``(layers · sides, width)``: the hidden units, layer by layer, in each the dominant side first."""
+        return self.layers * self.sides, self.units // self.sides
 
     @abstractmethod
-    def forward(self, observation: Tensor) -> Tensor:
-        """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
+    def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
+        """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs).
 
-    def hidden_layers(self, observation: Tensor) -> list[tuple[Tensor, ...]]:
+        Args:
+            observation: (…, n_inputs).
+            noise: (…, layers · sides, width), what is added to the activity of each hidden unit; None for nothing.
+        """
+
+    def hidden_layers(self, observation: Tensor, noise: Tensor | None = None) -> list[tuple[Tensor, ...]]:
         """Map observations (…, n_inputs) to the activity of each hidden layer, with the present lesion.
+
+        Args:
+            observation: (…, n_inputs).
+            noise: (…, layers · sides, width), what is added to the activity of each hidden unit; None for nothing.
 
         Returns:
             For each layer, the activity of the dominant and the non-dominant side (…, U/2), or of the only one (…, U);
@@ -53,9 +76,14 @@ class MotorNetwork(nn.Module, ABC):
         """
         return []
 
-    def excitation(self, observation: Tensor) -> Tensor:
-        """Map observations (…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1]."""
-        return torch.sigmoid(self(observation))
+    def excitation(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
+        """Map observations (…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1].
+
+        Args:
+            observation: (…, n_inputs).
+            noise: as in :meth:`forward`.
+        """
+        return torch.sigmoid(self(observation, noise))
 
     @abstractmethod
     def group_of(self, name: str) -> str:
@@ -103,6 +131,10 @@ class MotorNetwork(nn.Module, ABC):
         finally:
             self.lesion = before
 
+    def extra_repr(self) -> str:
+        """Return what torch shows besides the layers."""
+        return f"hidden_noise={self.noise.std:g}" if self.noise.std else ""
+
     def _check_lesion(self, lesion: Lesion, name: str) -> None:
         """Raise a ValueError, in which the lesion is called ``name``, if the architecture cannot have it."""
         if lesion != NO_LESION:
@@ -114,23 +146,27 @@ class UnilateralNetwork(MotorNetwork):
 
     architecture: Architecture = "unilateral"
 
-    def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
-        super().__init__(n_inputs, n_outputs, units, layers)
+    def __init__(
+        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
+    ) -> None:
+        super().__init__(n_inputs, n_outputs, units, layers, hidden_noise)
         self.hidden = _stack(n_inputs, units, layers)
         self.output = _dense(units, n_outputs)
 
-    def forward(self, observation: Tensor) -> Tensor:
+    def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
-        (h,) = self.hidden_layers(observation)[-1]
+        (h,) = self.hidden_layers(observation, noise)[-1]
         output: Tensor = self.output(h)
         return output
 
-    def hidden_layers(self, observation: Tensor) -> list[tuple[Tensor, ...]]:
+    def hidden_layers(self, observation: Tensor, noise: Tensor | None = None) -> list[tuple[Tensor, ...]]:
         """Map observations (…, n_inputs) to the activity (…, U) of each hidden layer, in tuples of one."""
         h = observation
         layers: list[tuple[Tensor, ...]] = []
-        for layer in self.hidden:
+        for k, layer in enumerate(self.hidden):
             h = torch.tanh(layer(h))  # (…, U)
+            if noise is not None:
+                h = h + noise[..., k, :]
             layers.append((h,))
         return layers
 
@@ -146,9 +182,12 @@ class BilateralNetwork(MotorNetwork):
     """
 
     architecture: Architecture = "bilateral"
+    sides = len(SIDES)
 
-    def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
-        super().__init__(n_inputs, n_outputs, units, layers)
+    def __init__(
+        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
+    ) -> None:
+        super().__init__(n_inputs, n_outputs, units, layers, hidden_noise)
         if units % 2:
             raise ValueError(f"a {self.architecture} network splits its units over two sides: {units} is odd.")
         half = units // 2
@@ -158,9 +197,9 @@ class BilateralNetwork(MotorNetwork):
         self.combination_non_dominant = nn.Parameter(torch.tensor(0.5))
         self.output = _dense(half, n_outputs)
 
-    def forward(self, observation: Tensor) -> Tensor:
+    def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
-        d, n = self.hemispheres(observation)
+        d, n = self.hemispheres(observation, noise)
         # A side with a deep lesion is left out of the sum, but has sent its activity over the callosum.
         combined = torch.zeros_like(d)  # (…, U/2)
         if self.lesion.output_of != "dominant":
@@ -170,12 +209,12 @@ class BilateralNetwork(MotorNetwork):
         output: Tensor = self.output(combined)
         return output
 
-    def hemispheres(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+    def hemispheres(self, observation: Tensor, noise: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Map observations (…, n_inputs) to the last hidden layers, dominant and non-dominant, (…, U/2) each."""
-        d, n = self.hidden_layers(observation)[-1]
+        d, n = self.hidden_layers(observation, noise)[-1]
         return d, n
 
-    def hidden_layers(self, observation: Tensor) -> list[tuple[Tensor, ...]]:
+    def hidden_layers(self, observation: Tensor, noise: Tensor | None = None) -> list[tuple[Tensor, ...]]:
         """Map observations (…, n_inputs) to the activity (…, U/2) of each hidden layer, dominant and non-dominant.
 
         It is what a side's own units do, before anything of the other side is added to it on the way to the next layer.
@@ -189,6 +228,8 @@ class BilateralNetwork(MotorNetwork):
             if k > 0:  # before the first layer there is no activity yet to tell the other side
                 d, n = self._exchange(d, n)
             d, n = torch.tanh(dominant(d)), torch.tanh(non_dominant(n))  # (…, U/2) each
+            if noise is not None:
+                d, n = d + noise[..., 2 * k, :], n + noise[..., 2 * k + 1, :]
             layers.append((d, n))
         return layers
 
@@ -234,8 +275,10 @@ class CallosalNetwork(BilateralNetwork):
 
     architecture: Architecture = "callosal"
 
-    def __init__(self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2) -> None:
-        super().__init__(n_inputs, n_outputs, units, layers)
+    def __init__(
+        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
+    ) -> None:
+        super().__init__(n_inputs, n_outputs, units, layers, hidden_noise)
         if units < 4:
             raise ValueError(f"a callosal network needs at least 4 units, two a side to pool, got {units}.")
         if layers < 2:
@@ -290,7 +333,12 @@ ARCHITECTURES: dict[Architecture, type[MotorNetwork]] = {
 
 
 def make_network(
-    architecture: Architecture, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2
+    architecture: Architecture,
+    n_inputs: int,
+    n_outputs: int,
+    units: int = 10,
+    layers: int = 2,
+    hidden_noise: float = 0.0,
 ) -> MotorNetwork:
     """Build a network with random weights; the arguments are those of :class:`MotorNetwork`.
 
@@ -299,4 +347,4 @@ def make_network(
     """
     if architecture not in ARCHITECTURES:
         raise ValueError(f"unknown architecture {architecture!r}; choose from {', '.join(ARCHITECTURES)}.")
-    return ARCHITECTURES[architecture](n_inputs, n_outputs, units, layers)
+    return ARCHITECTURES[architecture](n_inputs, n_outputs, units, layers, hidden_noise)

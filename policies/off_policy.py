@@ -73,8 +73,10 @@ class MotorActor(Constrained, BasePolicy):
         return self.network
 
     def action_mean(self, obs: PyTorchObs) -> Tensor:
-        """Return the mean of the Gaussian before the squashing, (n, n_actions)."""
-        return self.network(self.extract_features(obs, self.features_extractor)) / 2  # type: ignore[no-any-return]
+        """Return the mean of the Gaussian before the squashing, (n, n_actions), with fresh noise on hidden units."""
+        features = self.extract_features(obs, self.features_extractor)
+        noise = self.network.noise.draw(len(features), features.device)
+        return self.network(features, noise) / 2  # type: ignore[no-any-return]
 
     def action_log_prob(self, obs: PyTorchObs) -> tuple[Tensor, Tensor]:
         """Sample actions (n, n_actions) in [-1, 1]; return them and the log of their density (n,)."""
@@ -115,6 +117,8 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases have one by default.
         units: units per hidden layer of the network, over both sides.
         layers: hidden layers of the network.
+        hidden_noise: standard deviation of the noise on each hidden unit's activity in the network, drawn anew whenever
+            it acts or learns.
         critic_arch: units of each hidden layer of a critic.
         n_critics: number of critics of each stream.
         n_streams: number of reward streams.
@@ -146,6 +150,7 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         architecture: Architecture | None = None,
         units: int = 10,
         layers: int = 2,
+        hidden_noise: float = 0.0,
         critic_arch: tuple[int, ...] = (64, 64),
         n_critics: int = 2,
         n_streams: int = 1,
@@ -160,6 +165,7 @@ class BilateralOffPolicyPolicy(MotorPolicy):
             "architecture": architecture or type(self).architecture,
             "units": whole("units", units),
             "layers": whole("layers", layers),
+            "hidden_noise": finite("hidden_noise", hidden_noise, 0.0),
         }
         self._log_std_init = finite("log_std_init", log_std_init)
         if not self.stochastic and self._log_std_init not in _STD_OF_SAVED:
@@ -259,6 +265,10 @@ class BilateralTD3Policy(BilateralOffPolicyPolicy, TD3Policy):  # type: ignore[m
 
     stochastic = False
     actor_target: MotorActor  # type: ignore[assignment]
+
+    def _build(self, lr_schedule: Schedule) -> None:
+        super()._build(lr_schedule)
+        self.actor_target.network.noise = self.actor.network.noise  # one stream, or they would have the same noise
 
 
 class UnilateralSACPolicy(BilateralSACPolicy):

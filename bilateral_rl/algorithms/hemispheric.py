@@ -158,6 +158,15 @@ class Hemispheric(BaseAlgorithm):
         super().set_env(env, force_reset)
         self._tell_normalization()
 
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """Let all random numbers begin anew by ``seed``, those of the network's noise too; None changes nothing."""
+        super().set_random_seed(seed)
+        self._seed_noise(seed)
+
+    def _seed_noise(self, seed: int | None) -> None:
+        if seed is not None and hasattr(self, "policy"):  # SB3 seeds before it builds the policy
+            self.policy.motor_network.noise.seed(seed)
+
     def _tell_normalization(self) -> None:
         """Warn where observations will not be normalized as those were that the model was trained on."""
         normalizer = self._vec_normalize_env
@@ -206,6 +215,7 @@ class Hemispheric(BaseAlgorithm):
         if isinstance(self.action_space, spaces.Box):  # the policy refuses any other
             self._traces = ActionTraces(self.action_traces, get_action_dim(self.action_space))
         super()._setup_model()  # type: ignore[safe-super]
+        self._seed_noise(self.seed)
         self._mix = np.array(stream_mix(self.loss), dtype=np.float32)  # (n_streams, 2)
         self._shares = policy_shares(self.loss)
         # Walking through a policy costs a millisecond, so it is done once.

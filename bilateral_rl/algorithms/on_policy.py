@@ -66,6 +66,8 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         self.rollout_buffer_class = StreamRolloutBuffer
         self.rollout_buffer_kwargs = self._buffer_arguments(self.rollout_buffer_kwargs)
         super()._setup_model()
+        if self.policy.motor_network.noise.std:
+            self.rollout_buffer.keep_noise(self.policy.motor_network.hidden_shape)
 
     # --- collecting -------------------------------------------------------------------------------------------------
 
@@ -92,8 +94,9 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
             # Acting on the stored row, whose place in memory is the same in every process, keeps rounding the same:
             # matrix products may round by alignment. Nor can an environment change it afterwards.
             assert self._last_traces is not None
-            obs = rollout_buffer.begin_step(new_obs, self._last_traces)
-            latent_actions, log_probs, squashed = self._act(obs)
+            noise = self.policy.motor_network.noise.draw(env.num_envs)
+            obs = rollout_buffer.begin_step(new_obs, self._last_traces, noise)
+            latent_actions, log_probs, squashed = self._act(obs, noise)
             actions = self.policy.unscale_action(squashed.reshape(-1, *self.policy.action_space.shape))  # type: ignore[misc]
             step_obs, rewards, dones, infos = env.step(actions)
             assert isinstance(step_obs, np.ndarray)
@@ -126,14 +129,21 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         return True
 
     @torch.no_grad()
-    def _act(self, obs: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-        """Sample actions for observations (n_envs, *observation shape).
+    def _act(
+        self, obs: NDArray[np.float32], noise: Tensor | None
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Sample actions.
+
+        Args:
+            obs: (n_envs, *observation shape).
+            noise: (n_envs, layers · sides, width), of the network's hidden units; None if they have none.
 
         Returns:
             the actions before their squashing (n_envs, n_actions), the log of their density (n_envs,), and the actions
             in [-1, 1] (n_envs, n_actions).
         """
-        mean, log_std = self.policy.action_mean(torch.from_numpy(obs).to(self.device)), self.policy.log_std
+        noise = None if noise is None else noise.to(self.device)
+        mean, log_std = self.policy.action_mean(torch.from_numpy(obs).to(self.device), noise), self.policy.log_std
         latent = torch.addcmul(mean, torch.randn_like(mean), log_std.exp())
         log_probs = gaussian_log_prob(latent, mean, log_std)
         latent_actions = latent.cpu().numpy()
@@ -166,8 +176,14 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
     # --- training ---------------------------------------------------------------------------------------------------
 
     def _log_prob(self, batch: StreamBatch) -> Tensor:
-        """Return the log density (b,) of the batch's actions before their squashing, under the present policy."""
-        return gaussian_log_prob(batch.latent_actions, self.policy.action_mean(batch.observations), self.policy.log_std)
+        """Return the log density (b,) of the batch's actions before their squashing, under the present policy.
+
+        It is that given the noise with which they were taken, as if that had been observed: the noise is the same for
+        the policy before and after an update, so that their ratio is of what was learned alone.
+        """
+        noise = batch.hidden_noise if self.policy.motor_network.noise.std else None
+        mean = self.policy.action_mean(batch.observations, noise)
+        return gaussian_log_prob(batch.latent_actions, mean, self.policy.log_std)
 
     def _advantages(self, batch: StreamBatch) -> tuple[Tensor, list[float]]:
         """Return the advantages (b, n_streams), and by how much each stream's rewards are scaled in them.

@@ -22,6 +22,8 @@ class StreamBatch(NamedTuple):
     """(b, *observation shape)."""
     traces: Tensor
     """(b, n): traces of the actions before the step; n is 0 without traces."""
+    hidden_noise: Tensor
+    """(b, layers · sides, width): noise of the network's hidden units in the step; (b, 0, 0) without noise."""
     latent_actions: Tensor
     """(b, n_actions): the actions before the squashing."""
     old_log_prob: Tensor
@@ -92,6 +94,7 @@ class StreamRolloutBuffer(RolloutBuffer):
     Attributes:
         observations: (buffer_size, n_envs, *observation shape) float32.
         traces: (buffer_size, n_envs, n) float32: of the actions before each step.
+        hidden_noise: (buffer_size, n_envs, layers · sides, width) float32, after :meth:`keep_noise`.
         latent_actions: (buffer_size, n_envs, n_actions) float32.
         log_probs: (buffer_size, n_envs) float32.
         rewards: (buffer_size, n_envs, n_streams) float32.
@@ -118,6 +121,7 @@ class StreamRolloutBuffer(RolloutBuffer):
         shape = (buffer_size, n_envs)
         self.observations = np.zeros((*shape, *self.obs_shape), dtype=np.float32)  # type: ignore[misc]
         self.traces = np.zeros((*shape, ActionTraces(action_traces, self.action_dim).size), dtype=np.float32)
+        self.hidden_noise = np.zeros((*shape, 0, 0), dtype=np.float32)
         self.latent_actions = np.zeros((*shape, self.action_dim), dtype=np.float32)
         self.log_probs = np.zeros(shape, dtype=np.float32)
         self.rewards = np.zeros((*shape, n_streams), dtype=np.float32)
@@ -127,15 +131,24 @@ class StreamRolloutBuffer(RolloutBuffer):
         """Start anew at the first step; SB3's buffer allocates all arrays again, this one overwrites them."""
         self.pos, self.full = 0, False
 
-    def begin_step(self, obs: NDArray[np.floating[Any]], traces: NDArray[np.float32]) -> NDArray[np.float32]:
+    def keep_noise(self, hidden_shape: tuple[int, int]) -> None:
+        """Make room for the noise of a network with hidden units of ``hidden_shape``, (layers · sides, width)."""
+        self.hidden_noise = np.zeros((self.buffer_size, self.n_envs, *hidden_shape), dtype=np.float32)
+
+    def begin_step(
+        self, obs: NDArray[np.floating[Any]], traces: NDArray[np.float32], noise: Tensor | None = None
+    ) -> NDArray[np.float32]:
         """Store the observations that the next step acts on, and return the stored row.
 
         Args:
             obs: (n_envs, *observation shape).
             traces: (n_envs, n), of the actions before.
+            noise: (n_envs, layers · sides, width), of the network's hidden units in the step; None if they have none.
         """
         self.observations[self.pos] = obs
         self.traces[self.pos] = traces
+        if noise is not None:
+            self.hidden_noise[self.pos] = noise.numpy()
         row: NDArray[np.float32] = self.observations[self.pos]
         return row
 
@@ -184,8 +197,8 @@ class StreamRolloutBuffer(RolloutBuffer):
         columns = [
             torch.from_numpy(array.reshape(n, *array.shape[2:])).to(self.device)
             for array in (
-                self.observations, self.traces, self.latent_actions, self.log_probs, self.values, self.advantages,
-                self.returns,
+                self.observations, self.traces, self.hidden_noise, self.latent_actions, self.log_probs, self.values,
+                self.advantages, self.returns,
             )
         ]  # fmt: skip
         for rows in torch.randperm(n, device=self.device).split(batch_size or n):

@@ -156,7 +156,8 @@ class Evaluator:
         Raises:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
-        with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"):
+        noise = policy.motor_network.noise.of_trials(self._seeds)
+        with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"), noise:
             arrays = self._record(policy, fields, deterministic)
         # A hand that was ever out of range has a return that is.
         if not np.isfinite(self._batch.hand).all() or not np.isfinite(self._batch.vector_return).all():

@@ -44,7 +44,8 @@ def build_network(config: TrainConfig) -> MotorNetwork:
     """Build a fresh network of the run's architecture and sizes, from torch's random state."""
     low, _ = config.trial.observation_bounds()
     network = config.network
-    return make_network(config.spec.architecture, len(low), N_MUSCLES, network.units, network.layers)
+    sizes = network.units, network.layers, network.hidden_noise
+    return make_network(config.spec.architecture, len(low), N_MUSCLES, *sizes)
 
 
 def build_policy(config: TrainConfig) -> MotorPolicy:
@@ -70,9 +71,10 @@ def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     """Return the keyword arguments of the run's policy, but for those that an algorithm gives it by itself."""
     network = config.network
     arguments = {"architecture": config.spec.architecture} | dataclasses.asdict(
-        network if isinstance(network, CriticsConfig) else ActorCriticConfig(network.units, network.layers)
+        network
+        if isinstance(network, CriticsConfig)
+        else ActorCriticConfig(network.units, network.layers, network.hidden_noise)
     )
-    del arguments["hidden_noise"]  # until the policies take it
     if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyHyperparameters):
         arguments["n_critics"] = config.hyperparameters.n_critics
     return arguments

@@ -103,6 +103,7 @@ class SavedModel:
             "network": {
                 "units": network.units,
                 "layers": network.layers,
+                "hidden_noise": network.noise.std,
                 "critic_arch": getattr(policy, "critic_arch", ()),
                 **({} if algo == "td3" else {"log_std_init": self._log_std_init}),
             },

@@ -18,7 +18,10 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.sb2_compat.rmsprop_tf_like import RMSpropTFLike
 from torch import Tensor, nn
 
+from bilateral_rl.envs.generators import generator_states, set_generator_states
 from bilateral_rl.io.tensors import DTYPES, Tensors
+from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies.hidden_noise import HiddenNoise
 from bilateral_rl.training.random_states import random_states, set_random_states
 
 UPDATE_RULES = 2
@@ -301,6 +304,23 @@ def _set_random(algorithm: BaseAlgorithm, stored: Tensors) -> None:
     set_random_states(stored, algorithm.action_space, algorithm.device)
 
 
+def _noise(algorithm: BaseAlgorithm) -> Tensors:
+    """Return the state of the stream that the noise of the network's hidden units comes from, if they have any."""
+    noise = _hidden_noise(algorithm)
+    return {"generator": torch.from_numpy(generator_states([noise.generator]))} if noise.std else {}
+
+
+def _set_noise(algorithm: BaseAlgorithm, stored: Tensors) -> None:
+    fill("noise", states := _noise(algorithm), stored)
+    if states:
+        set_generator_states([_hidden_noise(algorithm).generator], states["generator"].numpy())
+
+
+def _hidden_noise(algorithm: BaseAlgorithm) -> HiddenNoise:
+    assert isinstance(algorithm.policy, MotorPolicy)
+    return algorithm.policy.motor_network.noise
+
+
 _PARTS: dict[str, tuple[Callable[[BaseAlgorithm], Tensors], Callable[[BaseAlgorithm, Tensors], None]]] = {
     "counter": (_counters, _set_counters),
     "optimizer": (_moments, _set_moments),
@@ -310,6 +330,7 @@ _PARTS: dict[str, tuple[Callable[[BaseAlgorithm], Tensors], Callable[[BaseAlgori
     "replay": (_replay, _set_replay),
     "episodes": (_episodes, _set_episodes),
     "log": (_log, _set_log),
+    "noise": (_noise, _set_noise),
     "random": (_random, _set_random),
 }
 """How each part is read and written; optimizers before the weights, the random streams last."""

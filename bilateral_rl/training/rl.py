@@ -162,7 +162,8 @@ class RLLearner(Learner):
         is_finite = all(bool(tensor.isfinite().all()) for tensor in policy.state_dict().values())
         if is_finite and isinstance(observation, np.ndarray):
             try:  # finite weights may be so large that what they come to is not
-                action, _ = policy.predict(observation, deterministic=True)
+                with policy.motor_network.noise.of_trials(range(len(observation))):  # the training's own stream stays
+                    action, _ = policy.predict(observation, deterministic=True)
                 is_finite = bool(np.isfinite(action).all())
             except ValueError:
                 is_finite = False

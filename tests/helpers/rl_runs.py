@@ -14,6 +14,8 @@ ALGORITHMS = ("ppo", "a2c", "sac", "td3")
 _OFF_POLICY = {"learning_starts": 200, "buffer_size": 1200, "batch_size": 16, "train_freq": 2}
 _TD3 = _OFF_POLICY | {"critic_warm_up": 20}
 _OF = {"ppo": {"n_steps": 10, "batch_size": 40, "n_epochs": 2}, "a2c": {}, "sac": _OFF_POLICY, "td3": _TD3}
+_NOISY = ("ppo", "td3")
+"""Algorithms whose small trainings have noise on hidden units; the others', of which each is a peer, have none."""
 _SMALL = {
     "timesteps": 1_600,
     "n_envs": 8,
@@ -28,7 +30,8 @@ OF_THE_CLOCK = {"environment.elapsed", "episodes.info.t", "file.monitor.csv"}
 
 def small_rl(algo, **values):
     """A training of a second; the replay buffer goes round, and noise is drawn."""
-    return resolve(algo, None, [merge(_SMALL | {algo: _OF[algo]}, values)])
+    noise = {"network": {"hidden_noise": 0.05}} if algo in _NOISY else {}
+    return resolve(algo, None, [merge(merge(_SMALL | {algo: _OF[algo]}, noise), values)])
 
 
 def evaluations(folder):

@@ -27,8 +27,12 @@ def _random_network(architecture, n_inputs=16, n_outputs=6, units=10, layers=2, 
     return network
 
 
-def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: Lesion = NO_LESION) -> np.ndarray:
-    """The output before the sigmoid, from paper section 1 and 6, unit by unit in NumPy."""
+def _reference_forward(
+    network: MotorNetwork, observation: np.ndarray, lesion: Lesion = NO_LESION, noise: np.ndarray | None = None
+) -> np.ndarray:
+    """The output before the sigmoid, from paper section 1 and 6, unit by unit in NumPy; noise is (n, L, 2, U)."""
+    if noise is None:
+        noise = np.zeros((len(observation), network.layers, 2, network.units))
     weights = {name: value.detach().double().numpy() for name, value in network.named_parameters()}
 
     def dense(name, x):
@@ -37,7 +41,7 @@ def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: L
     if network.architecture == "unilateral":
         x = observation
         for k in range(network.layers):
-            x = np.tanh(dense(f"hidden.{k}", x))
+            x = np.tanh(dense(f"hidden.{k}", x)) + noise[:, k, 0]
         return dense("output", x)
     activity = {
         side: np.zeros_like(observation) if lesion.input_of == side else observation
@@ -52,6 +56,8 @@ def _reference_forward(network: MotorNetwork, observation: np.ndarray, lesion: L
                     sent = np.maximum(before[other][:, 2 * pair], before[other][:, 2 * pair + 1])
                     activity[side][:, width - width // 2 + pair] += sent
         activity = {side: np.tanh(dense(f"{side}.{k}", x)) for side, x in activity.items()}
+        for i, side in enumerate(("dominant", "non_dominant")):
+            activity[side] += noise[:, k, i, : network.units // 2]
     combined = sum(weights[f"combination_{side}"] * x for side, x in activity.items() if lesion.output_of != side)
     return dense("output", combined)
 

@@ -48,6 +48,7 @@ SHOWS = {
     "architecture": "unilateral",
     "units": 12,
     "layers": 3,
+    "hidden_noise": 0.1,
     "critic_arch": (8,),
     "n_critics": 3,
     "n_streams": 2,
@@ -169,6 +170,7 @@ def test_numbers_of_numpy_and_lists_are_taken_and_saved_as_pythons(kind, tmp_pat
     [
         ({"units": 10.0}, r"units must be a whole number, got 10\.0"),
         ({"units": "10"}, "units must be a whole number, got '10'"),
+        ({"hidden_noise": -0.1}, r"hidden_noise must be at least 0, got -0\.1"),
         ({"layers": True}, "layers must be a whole number, got True"),
         ({"critic_arch": 64}, r"critic_arch must be a sequence of units per hidden layer, such as \(64, 64\), got 64"),
         ({"critic_arch": [64, 0]}, "each number of critic_arch must be at least 1, got 0"),
@@ -254,8 +256,8 @@ def test_every_public_class_is_looked_at():
 
 
 def test_every_argument_of_a_network_shows():
-    arguments = {"n_inputs": 5, "n_outputs": 6, "units": 8, "layers": 2, "architecture": "callosal"}
-    others = {"n_inputs": 4, "n_outputs": 3, "units": 12, "layers": 3, "architecture": "bilateral"}
+    arguments = {"n_inputs": 5, "n_outputs": 6, "units": 8, "layers": 2, "hidden_noise": 0, "architecture": "callosal"}
+    others = {"n_inputs": 4, "n_outputs": 3, "units": 12, "layers": 3, "hidden_noise": 0.1, "architecture": "bilateral"}
     assert arguments.keys() == others.keys() == inspect.signature(make_network).parameters.keys()
     plain = repr(make_network(**arguments))
     for name, value in others.items():

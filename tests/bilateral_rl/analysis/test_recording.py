@@ -124,7 +124,7 @@ def test_a_network_without_sides_has_layers_of_all_its_units_and_no_contribution
 
 
 def test_a_network_of_ones_own_that_tells_no_hidden_layers_is_recorded_without(make, monkeypatch):
-    monkeypatch.setattr(UnilateralNetwork, "forward", lambda network, observation: observation[..., :6])
+    monkeypatch.setattr(UnilateralNetwork, "forward", lambda network, observation, noise: observation[..., :6])
     monkeypatch.setattr(UnilateralNetwork, "hidden_layers", MotorNetwork.hidden_layers)
     recording, _, _ = make(model="uni_b")
     assert "hidden" not in recording.arrays
