@@ -110,7 +110,9 @@ def trained(algo, out, *layers):
 
 @pytest.mark.parametrize("algo", SMALL)
 def test_every_other_setting_shows_in_the_run(algo, tmp_path):
-    told_elsewhere = {"seeds"} if algo == "ppo" else {"bptt.patience"}
+    told_elsewhere = (
+        {"seeds"} if algo == "ppo" else {"bptt.patience", "network.hidden_noise"}
+    )  # the latter once BPTT draws it
     shown = {name for name in SHOWS[algo] if algo == "bptt" or name in SHARED | {"trial"}}
     expected = SHARED | {"trial"} if algo == "ppo" else settings_of("bptt").keys() - NAMES - MACHINE
     assert shown | told_elsewhere | {"init_from"} == expected, "say here what another value shows"
