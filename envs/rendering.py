@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.anatomy import ROUTES, Route, elbow_and_hand, moment_arms, muscle_course, ribbon
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES, ArmParameters
 from bilateral_rl.envs.canvas import INK, WHITE, Canvas, Color, Points
+from bilateral_rl.envs.force_drawing import HandForceScene, draw_force, draw_legend, draw_surroundings
+from bilateral_rl.envs.tasks import NEVER
 
 VIEW_MARGIN = 1.13
 """Half the picture's side over the arm's reach; the shoulder is at the center."""
@@ -25,9 +27,33 @@ _LINE_SPACING = 0.05  # of the caption (m)
 _FAINT, _WORKSPACE = (212, 216, 222), (247, 248, 250)
 _BONE, _BONE_EDGE, _TENDON, _MUSCLE_EDGE = (235, 231, 222), (140, 136, 128), (150, 125, 120), (110, 70, 65)
 _GOAL, _GOAL_FILL, _LOAD = (0, 95, 160), (218, 234, 246), (0, 125, 90)
+_FAINT_GOAL = (150, 185, 215)
+_AMBER, _GREEN = (240, 170, 30), (0, 125, 90)
+_SIGNALS = {
+    "wait": ("wait for the cue", WHITE, _AMBER),
+    "go": ("go", _GREEN, _GREEN),
+    "jump": ("the target jumped", _GOAL, _GOAL),
+}
+"""Words, fill and edge of the signal in each phase."""
 _PATH_OLD, _PATH_NEW = (205, 215, 225), (45, 65, 95)
 _ACTIVATION_COLORS = ((255, 245, 240), (252, 187, 161), (251, 106, 74), (203, 24, 29), (103, 0, 13))
 """ColorBrewer's Reds at activation 0, 0.25, … 1: lightness falls all the way, so it reads in grey too."""
+
+
+class CueScene(NamedTuple):
+    """What a timeline says at a moment."""
+
+    phase: Literal["wait", "go", "jump"]
+    """Whether the go cue is yet to come, has come, or the target has jumped since."""
+    other_target: NDArray[Any] | None
+    """(2,): the target that is to come, or was there before the jump (m); None if there is none."""
+
+    @classmethod
+    def at(cls, step: int, go: int, jump: int, goal: NDArray[Any]) -> CueScene:
+        """Return what is to see after ``step`` steps of a trial with the cue at ``go`` and a jump at ``jump``."""
+        if step < go:
+            return cls("wait", None if go >= NEVER else goal)
+        return cls("go", None) if step < jump else cls("jump", goal)
 
 
 class Scene(NamedTuple):
@@ -44,9 +70,13 @@ class Scene(NamedTuple):
     threshold: float
     """Radius of the goal (m)."""
     load: NDArray[Any]
-    """(2,): force on the hand (N)."""
+    """(2,): constant force on the hand (N)."""
     caption: str = ""
     """One or several lines."""
+    forces: HandForceScene | None = None
+    """What acts on the hand beside the load; None in tasks without."""
+    cue: CueScene | None = None
+    """What the timeline says; None in tasks without."""
 
 
 def draw(arm: ArmParameters, scene: Scene, size: int = 480) -> NDArray[np.uint8]:
@@ -54,6 +84,10 @@ def draw(arm: ArmParameters, scene: Scene, size: int = 480) -> NDArray[np.uint8]
     angles, load = np.asarray(scene.angles, dtype=float), np.asarray(scene.load, dtype=float)
     joints = np.stack((_TRUNK, np.zeros(2), *elbow_and_hand(arm, angles)))
     canvas = Canvas(_half(arm), size, _background(arm, size))
+    if scene.forces is not None:
+        draw_surroundings(canvas, scene.forces, joints[-1])
+    if scene.cue is not None:
+        _draw_cue(canvas, scene.cue, scene.threshold)
     canvas.disc(scene.target, scene.threshold, _GOAL_FILL, _GOAL)
     _draw_path(canvas, np.asarray(scene.path, dtype=float))
     _draw_bones(canvas, joints)
@@ -66,6 +100,9 @@ def draw(arm: ArmParameters, scene: Scene, size: int = 480) -> NDArray[np.uint8]
         canvas.line(np.stack((np.subtract(scene.target, offset), np.add(scene.target, offset))), _GOAL, 1.5)
     if load.any():
         _draw_load(canvas, joints[-1], load)
+    if scene.forces is not None:
+        draw_force(canvas, joints[-1], np.asarray(scene.forces.force, dtype=float))
+        draw_legend(canvas, scene.forces)
     for i, line in enumerate(scene.caption.splitlines()):
         canvas.text((0.03 - canvas.half, canvas.half - 0.045 - i * _LINE_SPACING), line, centered=False)
     return canvas.picture()
@@ -138,6 +175,16 @@ def _draw_muscle(canvas: Canvas, route: Route, course: Points, color: Color) -> 
     first, last = (round(fraction * (len(course) - 1)) for fraction in route.belly)
     along = np.linspace(0, 1, last + 1 - first)[:, None]
     canvas.polygon(ribbon(course[first : last + 1], route.half_width * np.sin(np.pi * along)), color, _MUSCLE_EDGE)
+
+
+def _draw_cue(canvas: Canvas, cue: CueScene, threshold: float) -> None:
+    """Draw a signal below the arm, and the outline of the target that is not the present one."""
+    if cue.other_target is not None:
+        canvas.disc(cue.other_target, threshold, WHITE, _FAINT_GOAL)
+    words, fill, edge = _SIGNALS[cue.phase]
+    place = np.array((-0.04 - 0.016 * len(words) / 2, 0.045 - canvas.half))
+    canvas.disc(place, 0.014, fill, edge)
+    canvas.text(place + np.array((0.03, 0.0)), words, centered=False)
 
 
 def _draw_load(canvas: Canvas, hand: Points, load: Points) -> None:

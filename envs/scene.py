@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.canvas import Window, tile
-from bilateral_rl.envs.rendering import Scene, draw
+from bilateral_rl.envs.force_drawing import HandForceScene
+from bilateral_rl.envs.rendering import CueScene, Scene, draw
 from bilateral_rl.envs.trials import TrialBatch
 
 RENDER_MODES = ("rgb_array", "human")
@@ -84,8 +85,26 @@ class SceneView:
             path=np.array(self._paths[arm]).reshape(-1, 2),
             threshold=batch.settings.threshold,
             load=batch.load[arm],
+            forces=self._forces(arm),
+            cue=self._cue(arm),
         )
         return draw(batch.settings.arm, scene)
+
+    def _forces(self, arm: int) -> HandForceScene | None:
+        batch = self._batch
+        if not batch.task.has_forces:
+            return None
+        return HandForceScene(
+            force=batch.force[arm] - batch.load[arm],
+            **{name: batch.state_array(name)[arm] for name in ("offset", "velocity_gain", "position_gain")},
+        )
+
+    def _cue(self, arm: int) -> CueScene | None:
+        batch = self._batch
+        if not batch.task.has_timeline:
+            return None
+        go, jump = (int(batch.state_array(name)[arm]) for name in ("go", "jump"))
+        return CueScene.at(int(batch.clock[arm]), go, jump, batch.state_array("goal_target")[arm])
 
     def _show(self) -> None:
         if self._window is None:

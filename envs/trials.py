@@ -257,6 +257,11 @@ class TrialBatch:
         """Return everything that the rest of the trials depends on, by name; on a CPU these are live views."""
         return {name: getattr(self._arrays, name).numpy() for name in self._state_names}
 
+    def state_array(self, name: str) -> NDArray[Any]:
+        """Return one of :meth:`state_arrays`, without fetching the others from a device."""
+        values: NDArray[Any] = getattr(self._arrays, name).numpy()
+        return values
+
     def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Go on from the state that :meth:`state_arrays` returned.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import NEVER, Trials
+from bilateral_rl.envs.tasks import NEVER, HandForces, Trials
 
 Float32 = NDArray[np.float32]
 Int32 = NDArray[np.int32]
@@ -38,6 +38,8 @@ class TrialPlan:
     target_angle: Float32
     """(n,): direction from the hand at the start to the goal, from the x axis counterclockwise (rad), in (-π, π]; NaN
     where both are one place."""
+    forces: HandForces | None = None
+    """Fields, pulses and channels, (n, …) each, which videos draw; None in a task without."""
 
     @property
     def onset(self) -> Int32:
@@ -78,6 +80,7 @@ def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings) -> Tri
         condition=_conditions(trials, go, jump, pulse),
         target_index=target_index,
         target_angle=angle.astype(np.float32),
+        forces=trials.forces,
     )
 
 

@@ -100,7 +100,7 @@ def _check_complete(path: Path, n_pictures: int) -> None:
 
 
 def _write_gif(path: Path, film: Film, pictures: Iterable[Picture], comment: str) -> None:
-    paletted = _palette_of(film.picture(0, film.steps))  # in the last picture everything can be seen
+    paletted = _palette_of(film.colorful())
     images = (paletted(picture) for picture in pictures)
     next(images).save(
         path,

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.canvas import tile
+from bilateral_rl.envs.force_drawing import HandForceScene
+from bilateral_rl.envs.forces import AffineForces, affine_forces
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.rendering import Scene, draw
+from bilateral_rl.envs.rendering import CueScene, Scene, draw
+from bilateral_rl.envs.tasks import NEVER
 
 PAUSE = 0.6
 """Seconds of video for which the end of a trial stands still."""
@@ -38,22 +42,69 @@ class Performance:
         return Scene(
             angles=record.joint[trial, step],
             activation=record.activation[trial, step - 1] if step else rest,
-            target=record.target[trial],
+            target=record.seen_target[trial, min(step, record.seen_target.shape[1] - 1)],
             path=record.hand[trial, : step + 1],
             threshold=self.radius,
             load=record.load[trial],
-            caption=f"{self.label}\n{caption}\n{self.goal(trial, step)}",
+            caption=f"{self.label}\n{caption}{self._condition(trial)}\n{self.goal(trial, step)}",
+            forces=self._forces(trial, step),
+            cue=self._cue(trial, step),
         )
 
     def goal(self, trial: int, step: int) -> str:
         """Say how the trial stands after ``step`` steps, by the measures of ``evaluate`` (paper section 3)."""
-        distance, start = self.record.distance[trial], self.record.start_distance[trial]
-        so_far = trial_measures(distance[None, : max(step, 1)], start[None], self.radius)
+        onset, start = self._onset(trial, step)
+        distance = self.record.distance[trial, onset:]
+        steps = step - onset
+        so_far = trial_measures(distance[None, : max(steps, 1)], np.array([start]), self.radius)
         if start <= self.radius:
-            return f"in the goal {so_far.time_in_goal[0] if step else 0} of {step} steps"
-        if step and so_far.goal_completion[0]:
+            return f"in the goal {so_far.time_in_goal[0] if steps else 0} of {steps} steps"
+        if steps and so_far.goal_completion[0]:
             return "goal reached"
-        return "goal not reached" if step == len(distance) else "goal not reached yet"
+        return "goal not reached" if steps == len(distance) else "goal not reached yet"
+
+    def _onset(self, trial: int, step: int) -> tuple[int, float]:
+        """Return the step at which the target began that is seen after ``step`` steps, and its distance then (m)."""
+        record, plan = self.record, self.record.plan
+        began = max((int(at) for at in (plan.go[trial], plan.jump[trial]) if at <= step), default=0)
+        if began == plan.onset[trial]:
+            return began, float(record.start_distance[trial])
+        return began, float(np.linalg.norm(record.hand[trial, began] - record.seen_target[trial, began]))
+
+    def _condition(self, trial: int) -> str:
+        """Say what sets the trial apart, where trials are not all plain."""
+        conditions = self.record.plan.condition
+        if (conditions == "null").all():
+            return ""
+        return f", {conditions[trial].replace('null', 'no force').replace('no_go', 'no cue').replace('+', ' + ')}"
+
+    def _forces(self, trial: int, step: int) -> HandForceScene | None:
+        record, forces = self.record, self._affine
+        if forces is None:
+            return None
+        force = record.force[trial, step - 1] - record.load[trial] if step else np.zeros(2, np.float32)
+        return HandForceScene(force, *(values[trial] for values in forces))
+
+    def _cue(self, trial: int, step: int) -> CueScene | None:
+        plan = self.record.plan
+        if not self._has_cues:
+            return None
+        return CueScene.at(step, int(plan.go[trial]), int(plan.jump[trial]), plan.goal[trial])
+
+    @property
+    def has_extras(self) -> bool:
+        """Whether cues or forces are drawn."""
+        return self._has_cues or self._affine is not None
+
+    @cached_property
+    def _has_cues(self) -> bool:
+        plan = self.record.plan
+        return bool((plan.go > 0).any() or (plan.jump < NEVER).any())
+
+    @cached_property
+    def _affine(self) -> AffineForces | None:
+        plan = self.record.plan
+        return None if plan.forces is None else affine_forces(plan.forces, self.record.hand[:, 0], plan.goal)
 
 
 @dataclass(frozen=True)
@@ -108,6 +159,13 @@ class Film:
         caption = f"trial {trial + 1} of {self.trials}, {seconds:.2f} s, {self.slow_down}× slower"
         scenes = [performance.scene(trial, step, caption) for performance in self.performances]
         return tile([draw(self._first.arm, scene, self.size) for scene in scenes], self._columns)
+
+    def colorful(self) -> Picture:
+        """Draw the first trial such that all colors are in it: its end, and before it cues and forces if there are."""
+        if not self.performances[0].has_extras:
+            return self.picture(0, self.steps)
+        strongest = 1 + int(np.linalg.norm(self._first.force[0], axis=1).argmax())
+        return tile([self.picture(0, step) for step in (0, strongest, self.steps)])
 
     @property
     def _columns(self) -> int:

@@ -1,12 +1,17 @@
 """What a film shows."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from rich_tasks import no_forces
 
 from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.envs.tasks import NEVER
 from bilateral_rl.video.film import Performance
 
 SIZE = 320
+CURL = np.array([[0.0, 15.0], [-15.0, 0.0]])
 CAPTION = SIZE // 8
 """Rows of a picture that hold its caption."""
 PAUSE = 15
@@ -47,6 +52,71 @@ def test_a_hold_counts_its_steps_in_the_goal(make_record):
     take = Performance("", make_record(distance=distance, start_distance=np.zeros(1, np.float32)), 0.05)
     inside = [0, 1, 2, 2, 3, 3, 3, 3, 4]
     assert [take.goal(0, k) for k in range(9)] == [f"in the goal {n} of {k} steps" for k, n in enumerate(inside)]
+
+
+@pytest.fixture
+def make_cued(make_record):
+    """Builder of two trials of eight steps: a cue at the third step and a jump at the sixth, and none at all."""
+
+    def make(**arrays):
+        record = make_record(2, **arrays)
+        start, goal, jumped = np.float32([0.2, 0.4]), np.float32([-0.1, 0.4]), np.float32([0.2, 0.1])
+        seen = np.tile(start, (2, 8, 1))
+        seen[0, 3:6], seen[0, 6:] = goal, jumped
+        distance = np.linalg.norm(record.hand[:, 1:] - seen, axis=2)
+        plan = dataclasses.replace(
+            record.plan,
+            goal=np.tile(goal, (2, 1)),
+            go=np.int32([3, NEVER]),
+            jump=np.int32([6, NEVER]),
+            condition=np.array(["field+jump", "no_go"]),
+            forces=no_forces(
+                **{name: np.zeros((2, *shape)) for name, shape in (("pulse", (2,)), ("walls", (2,)), ("center", (2,)))},
+                velocity_gain=np.tile(CURL, (2, 1, 1)),
+                position_gain=np.zeros((2, 2, 2)),
+            ),
+        )
+        return dataclasses.replace(record, seen_target=seen, distance=distance, plan=plan, **arrays)
+
+    return make
+
+
+def test_a_scene_follows_cue_jump_and_forces(make_cued):
+    force = np.arange(32, dtype=np.float32).reshape(2, 8, 2)
+    take = Performance("cc_s", make_cued(force=force, load=np.float32([[1, 2], [0, 0]])), 0.05)
+    scenes = [take.scene(0, step, "t") for step in range(9)]
+    assert [scene.cue.phase for scene in scenes] == ["wait"] * 3 + ["go"] * 3 + ["jump"] * 3
+    np.testing.assert_array_equal([scene.target for scene in scenes[:8]], take.record.seen_target[0])
+    np.testing.assert_array_equal(scenes[8].target, take.record.seen_target[0, -1])
+    np.testing.assert_array_equal(scenes[0].forces.force, 0)
+    np.testing.assert_array_equal(scenes[4].forces.force, force[0, 3] - (1, 2))
+    np.testing.assert_array_equal(scenes[4].forces.velocity_gain, CURL)
+    assert scenes[4].caption.splitlines()[1] == "t, field + jump"
+    assert take.scene(1, 4, "t").caption.splitlines()[1] == "t, no cue"
+
+
+def test_the_goal_is_judged_from_the_cue_and_from_the_jump_on(make_cued):
+    take = Performance("", make_cued(), 0.05)
+    hold = [f"in the goal {k} of {k} steps" for k in range(3)]
+    assert [take.goal(0, k) for k in range(9)] == hold + ["goal not reached yet"] * 5 + ["goal not reached"]
+    assert take.goal(1, 8) == "in the goal 8 of 8 steps"
+    hand = np.tile(np.float32([0.2, 0.4]), (2, 9, 1))
+    hand[0, 4:] = (-0.1, 0.4)
+    reached = Performance("", make_cued(hand=hand), 0.05)
+    assert [reached.goal(0, k) for k in (5, 6)] == ["goal not reached yet"] * 2  # two steps, and then another target
+
+
+def test_plain_trials_have_neither_forces_nor_cues(make_record):
+    take = Performance("cc_s", make_record(), 0.05)
+    scene = take.scene(0, 3, "t")
+    assert (scene.forces, scene.cue, take.has_extras) == (None, None, False)
+    assert scene.caption.splitlines()[1] == "t"
+
+
+def test_a_picture_with_all_colors_shows_what_is_gone_at_the_end(make_cued, make_record, make_film):
+    plain, cued = make_film(make_record()), make_film(make_cued())
+    np.testing.assert_array_equal(plain.colorful(), plain.picture(0, plain.steps))
+    assert cued.colorful().shape[1] > cued.shape[1]
 
 
 def test_a_film_shows_every_step_of_every_trial_and_pauses_after_each(make_record, make_film):
