@@ -13,8 +13,8 @@ from bilateral_rl.bptt.network_kernels import CALLOSUM, INPUT_DOMINANT, OUTPUT_D
 
 
 @functools.cache
-def network_adjoint(real: Any, shape: NetworkShape) -> Any:
-    """Return the Warp function ``excite_adjoint`` of networks of ``shape`` in precision ``real``."""
+def network_adjoint(real: Any, shape: NetworkShape, noisy: bool) -> Any:
+    """Return the Warp function ``excite_adjoint`` of the networks of ``network_forward``."""
     vec_in, _, vec_out, vec_side, _, both, Weights, Activity, Deltas = network_types(real, shape)
     n_inputs, n_outputs, width, layers, sides, callosal = shape
     pooled = width // 2  # numbers that a side sends over the callosum
@@ -81,6 +81,8 @@ def network_adjoint(real: Any, shape: NetworkShape) -> Any:
             for side in range(sides):
                 row = layer * sides + side
                 h = a.hidden[k, row]
+                if noisy:
+                    h = h - a.noise[k, row]  # the slope is that of the tanh alone
                 d_active = d_h[side]
                 if d.activity.shape[1] > 0:
                     d_active = d_active + d.activity[stream, k, row]

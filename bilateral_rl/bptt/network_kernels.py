@@ -102,6 +102,7 @@ def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
         received: wp.array2d(dtype=vec_side_one)  # (n, (layers - 1) * sides), after the exchange over the callosum
         hidden: wp.array2d(dtype=vec_side)  # (n, layers * sides), before it
         combined: wp.array(dtype=vec_side_one)  # (n,)
+        noise: wp.array2d(dtype=vec_side)  # (n, layers * sides), already scaled, part of ``hidden``; empty if none
 
     @wp.struct
     class Deltas:
@@ -116,8 +117,8 @@ def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
 
 
 @functools.cache
-def network_forward(real: Any, shape: NetworkShape) -> Any:
-    """Return the Warp function ``excite`` of networks of ``shape`` in precision ``real``."""
+def network_forward(real: Any, shape: NetworkShape, noisy: bool) -> Any:
+    """Return the Warp function ``excite`` of networks of ``shape``, maybe with noisy units, in precision ``real``."""
     vec_in, vec_in_one, vec_out, vec_side, vec_side_one, both, Weights, Activity, _ = network_types(real, shape)
     n_inputs, n_outputs, width, layers, sides, callosal = shape
     pooled = width // 2  # numbers that a side sends
@@ -171,6 +172,8 @@ def network_forward(real: Any, shape: NetworkShape) -> Any:
             for i in range(n_inputs):
                 drive_in += observation[i] * w.first[s, side, i]
             active = tanh(w.gates[s, INPUT_DOMINANT + side] * drive_in + w.first[s, side, n_inputs])
+            if noisy:
+                active = active + a.noise[k, side]
             h[side] = active
             a.hidden[k, side] = active
         # Every further layer: each side by itself, after an exchange over the callosum if there is one.
@@ -185,6 +188,8 @@ def network_forward(real: Any, shape: NetworkShape) -> Any:
                 for i in range(width):
                     drive += received[i] * w.hidden[s, row, i]
                 active = tanh(drive)
+                if noisy:
+                    active = active + a.noise[k, layer * sides + side]
                 h[side] = active
                 a.hidden[k, layer * sides + side] = active
         # Output: the sides are added by their combination weights, so that both have one output layer.

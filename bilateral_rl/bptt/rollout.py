@@ -10,6 +10,7 @@ import torch
 import warp as wp
 from torch import Tensor
 
+from bilateral_rl.bptt.conditions import Conditions
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.network_kernels import (
     CALLOSUM,
@@ -19,8 +20,10 @@ from bilateral_rl.bptt.network_kernels import (
     OUTPUT_DOMINANT,
     OUTPUT_NON_DOMINANT,
 )
-from bilateral_rl.bptt.rollout_arrays import RolloutArrays, RolloutSize, TrialTensors
-from bilateral_rl.bptt.rollout_kernels import HAND, rollout_kernels
+from bilateral_rl.bptt.rollout_arrays import RolloutArrays, RolloutSize
+from bilateral_rl.bptt.rollout_kernels import rollout_kernels
+from bilateral_rl.bptt.targets import Targets
+from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import kernel_parameters
@@ -54,16 +57,21 @@ class Rollout:
         device: ``"cpu"`` or a CUDA device.
         dtype: ``torch.float32`` or ``torch.float64``.
         workers: threads that share the work; the calling one by default, whose torch should then use one thread too.
+        conditions: what trials, losses and senses ask for; the paper's by default.
 
     Attributes:
         weights: (S, width), the networks' parameters; write into it.
-        trials: what the next :meth:`forward` does, (S, B, 2) each; :meth:`load` fills it.
+        trials: what the next :meth:`forward` does, (S, B, …) each; :meth:`load` fills it.
+        noise: (S, B, T, 20), of what is sensed before a step and of the commands in it; write into it.
+        hidden_noise: (S, B, T, layers · sides, width), of the activity of hidden units; write into it. Both have no
+            trials (S, 0, …) where the conditions have none.
         joint: (S, B, T, 4), after each step, as in :class:`~bilateral_rl.envs.arm.ArmState`.
         muscle: (S, B, T, 7, 6), likewise.
         hand: (S, B, T, 2), likewise (m).
         excitation: (S, B, T, 6), the command of each step.
-        terms: (S, B, T, 3): Cartesian 1, Cartesian 2 and activation of each step.
-        hidden: (S, B, T, layers · sides, width): activity of each hidden layer.
+        terms: (S, B, T, 3): Cartesian 1, Cartesian 2 and activation of each step; (S, B, T, 6) with ``FURTHER_TERMS``
+            where any loss looks at those.
+        hidden: (S, B, T, layers · sides, width): activity of each hidden layer, with its noise.
         observation: (S, B, T, n_inputs): what the networks saw before each step.
         gradient: (streams, S, width), of the last :meth:`backward`.
     """
@@ -76,13 +84,15 @@ class Rollout:
         device: str = "cpu",
         dtype: torch.dtype = torch.float32,
         workers: Workers | None = None,
+        conditions: Conditions | None = None,
     ) -> None:
         self.layout, self.size, self.device, self.real = layout, size, device, _REAL[dtype]
-        self._workers = workers or Workers()
+        self._workers, self._arm, self._conditions = workers or Workers(), arm, conditions or Conditions()
         parameters = kernel_parameters(arm, self.real)  # starts Warp, which arrays need
-        kernels = rollout_kernels(self.real, layout.shape)
-        arrays = self._arrays = RolloutArrays(layout, size, kernels, dtype, device)
+        kernels = rollout_kernels(self.real, layout.shape, self._conditions.features)
+        arrays = self._arrays = RolloutArrays(layout, size, self._conditions, kernels, dtype, device)
         self.weights, self.trials, self.gradient = arrays.weights, arrays.trials, arrays.gradient
+        self.noise, self.hidden_noise = arrays.noise, arrays.hidden_noise
         self.joint, self.muscle, self.hand, self.hidden = arrays.joint, arrays.muscle, arrays.hand, arrays.hidden
         self.excitation, self.terms = arrays.excitation, arrays.terms
         self.observation = arrays.observation.view(*arrays.terms.shape[:3], -1)[..., : layout.shape.n_inputs]
@@ -93,25 +103,27 @@ class Rollout:
             self._backward = self._record(kernels.roll_adjoint, parameters, structs)
 
     def load(self, trials: TrialTensors, first: int = 0) -> None:
-        """Take ``B`` trials of each network, from trial ``first`` on, out of ``trials`` (S, n, 2).
+        """Take ``B`` trials of each network, from trial ``first`` on, out of ``trials`` (S, n, …).
 
         Raises:
-            ValueError: not as many networks, or too few trials.
+            ValueError: not as many networks, too few trials, or trials of another kind.
         """
-        for loaded, drawn in zip(self.trials, trials, strict=True):
-            part = drawn[:, first : first + self.size.n_trials]
-            if part.shape != loaded.shape:  # a single trial would be done by all arms
-                raise ValueError(f"the rollout takes trials of shape {tuple(loaded.shape)}, got {tuple(part.shape)}.")
-            loaded.copy_(part)
+        loaded, drawn = self.trials.tensors(), trials.tensors()
+        if loaded.keys() != drawn.keys():
+            raise ValueError(f"the rollout takes trials with {', '.join(loaded)}, got {', '.join(drawn)}.")
+        for name, tensor in loaded.items():
+            part = drawn[name][:, first : first + self.size.n_trials]
+            if part.shape != tensor.shape:  # a single trial would be done by all arms
+                raise ValueError(f"the rollout takes trials of shape {tuple(tensor.shape)}, got {tuple(part.shape)}.")
+            tensor.copy_(part)
 
     def forward(self) -> None:
         """Do every trial once; fills the trajectories."""
         self._launch(self._forward)
 
-    def distances(self) -> tuple[Tensor, Tensor]:
-        """Return the hand's distances to the target (m) at the start (S, B) and after each step (S, B, T)."""
-        start = self.observation[:, :, 0, HAND : HAND + 2]
-        return (start - self.trials.target).norm(dim=-1), (self.hand - self.trials.target[:, :, None]).norm(dim=-1)
+    def targets(self) -> Targets:
+        """Return where the targets were in the trials, and the hand's distances to them in the last :meth:`forward`."""
+        return Targets.of(self.trials, self.hand, self._arm)
 
     def contributions(self, network: int) -> tuple[Tensor, Tensor]:
         """Return what each side of a network adds to the commands before the sigmoid, the dominant one first.
@@ -132,7 +144,7 @@ class Rollout:
         """Return gradients of losses of the last :meth:`forward` with respect to the weights.
 
         Args:
-            term_weights: (streams, 3): each loss is, for every network, the sum over its trials and steps of these
+            term_weights: (streams, 3 or 6): each loss is, for every network, the sum over its trials and steps of these
                 weights times the step's terms.
             upstream: gradients of what else each loss is made of.
 
@@ -180,13 +192,14 @@ class Rollout:
 
     def _record(self, kernel: wp.Kernel, parameters: Any, structs: list[Any]) -> list[Any]:
         """Record the kernel's launch once for each thread's part of the trials."""
-        weights, trials, *others = structs
-        sizes = [self.size.n_trials, self.size.n_steps]
+        weights, trials, senses, *others = structs
+        n_steps = self.size.n_steps
+        sizes = [self.size.n_trials, n_steps, self._conditions.counts_from(n_steps)]
         return [
             wp.launch(
                 kernel,
                 dim=len(part),
-                inputs=[parameters, weights, trials, *sizes, part.start, *others],
+                inputs=[parameters, weights, trials, senses, *sizes, part.start, *others],
                 record_cmd=True,
                 **launch_on(self.device),
             )

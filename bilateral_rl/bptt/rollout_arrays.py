@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 import warp as wp
 from torch import Tensor
 
+from bilateral_rl.bptt.conditions import Conditions
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.network_kernels import N_GATES
 from bilateral_rl.bptt.rollout_kernels import RolloutKernels
+from bilateral_rl.bptt.rollout_structs import N_NOISE, N_SENSED, n_terms
+from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import N_MUSCLE_ROWS
-
-
-class TrialTensors(NamedTuple):
-    """What sets trials apart; leading axes are any, such as (networks, trials)."""
-
-    start: Tensor
-    """(…, 2): angles at the start (rad); the arm is at rest."""
-    target: Tensor
-    """(…, 2): position of the target (m)."""
-    load: Tensor
-    """(…, 2): force on the hand (N)."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +45,28 @@ class RolloutArrays:
     Args:
         layout: layout of the networks' parameters.
         size: how much there is of everything.
+        conditions: what trials, losses and senses ask for.
         kernels: the kernels whose structs are filled.
         dtype: torch's precision, that of the kernels.
         device: ``"cpu"`` or a CUDA device.
 
     Attributes:
-        forward_structs: what the forward kernel takes: weights, trials, activity and trajectories.
+        forward_structs: what the forward kernel takes: weights, trials, senses, activity and trajectories.
         adjoint_structs: what the adjoint kernel takes besides: upstream gradients, deltas and carried gradients.
     """
 
     def __init__(
-        self, layout: Layout, size: RolloutSize, kernels: RolloutKernels, dtype: torch.dtype, device: str
+        self,
+        layout: Layout,
+        size: RolloutSize,
+        conditions: Conditions,
+        kernels: RolloutKernels,
+        dtype: torch.dtype,
+        device: str,
     ) -> None:
-        self._dtype, self._device = dtype, device
+        self._dtype, self._device, self._conditions = dtype, device, conditions
+        self._delays = tuple(min(delay, size.n_steps) for delay in conditions.delays)  # longer: the start is sensed
+        self._n_terms = n_terms(conditions.features.further_losses)
         self._allocate_forward(layout, size)
         self._allocate_backward(layout, size)
         self.forward_structs = self._forward_structs(layout, kernels)
@@ -76,13 +77,17 @@ class RolloutArrays:
         s, b, t = size.n_networks, size.n_trials, size.n_steps
         self.weights = self._zeros(s, layout.width)
         self.gates = self._zeros(s, N_GATES) + 1.0
-        self.trials = TrialTensors(*(self._zeros(s, b, 2) for _ in range(3)))
+        n_hidden = shape.layers * shape.sides
+        features = self._conditions.features
+        self.trials = TrialTensors.zeros((s, b), features, self._dtype, self._device)
+        self.noise = self._zeros(s, b if features.senses else 0, t, N_NOISE)
+        self.hidden_noise = self._zeros(s, b if features.hidden_noise else 0, t, n_hidden, shape.width)
         self.joint = self._zeros(s, b, t, 4)
         self.muscle = self._zeros(s, b, t, N_MUSCLE_ROWS, N_MUSCLES)
         self.hand = self._zeros(s, b, t, 2)
         self.excitation = self._zeros(s, b, t, shape.n_outputs)
-        self.terms = self._zeros(s, b, t, 3)
-        self.hidden = self._zeros(s, b, t, shape.layers * shape.sides, shape.width)
+        self.terms = self._zeros(s, b, t, self._n_terms)
+        self.hidden = self._zeros(s, b, t, n_hidden, shape.width)
         # What layers receive, each with a one behind it, by which the bias is a row of the weights like any other.
         self.observation = self._zeros(s, b * t, shape.n_inputs + 1)
         self.received = self._zeros(s, b * t, (shape.layers - 1) * shape.sides, shape.width + 1)
@@ -94,7 +99,7 @@ class RolloutArrays:
         n_hidden = shape.layers * shape.sides
         n_state = s * b * t if size.watches_state else 0
         n_activity = s * b * t if size.watches_activity else 0
-        self.upstream_terms = self._zeros(k, 3)
+        self.upstream_terms = self._zeros(k, self._n_terms)
         self.upstream_joint = self._zeros(k, n_state, 4)
         self.upstream_muscle = self._zeros(k, n_state, N_MUSCLE_ROWS, N_MUSCLES)
         self.upstream_hand = self._zeros(k, n_state, 2)
@@ -106,21 +111,31 @@ class RolloutArrays:
         self._carried_joint = self._zeros(k, s * b, 4)
         self._carried_muscle = self._zeros(k, s * b, N_MUSCLE_ROWS, N_MUSCLES)
         self._carried_hand = self._zeros(k, s * b, 4)
+        features = self._conditions.features
+        self._carried_excitation = self._zeros(k, s * b if features.further_losses else 0, N_MUSCLES)
+        felt, seen = ((delay + 1 if features.senses else 0) for delay in self._delays)
+        self._carried_felt = self._zeros(k, s * b, felt, 2 * N_MUSCLES)
+        self._carried_seen = self._zeros(k, s * b, seen, 2)
 
     def _forward_structs(self, layout: Layout, kernels: RolloutKernels) -> list[Any]:
         regions = {name: layout.region(self.weights, name) for name in layout.regions}
         return [
             _fill(kernels.network.Weights, **regions, gates=self.gates),
-            _fill(kernels.Trials, **{name: tensor.flatten(0, 1) for name, tensor in self.trials._asdict().items()}),
+            _fill(
+                kernels.structs.Trials,
+                **{name: tensor.flatten(0, 1) for name, tensor in self.trials.tensors().items()},
+            ),
+            self._senses(kernels),
             _fill(
                 kernels.network.Activity,
                 observation=self.observation.flatten(0, 1),
                 received=self.received.flatten(0, 1),
                 hidden=self.hidden.flatten(0, 2),
                 combined=self.combined.flatten(0, 1),
+                noise=self.hidden_noise.flatten(0, 2),
             ),
             _fill(
-                kernels.Trajectories,
+                kernels.structs.Trajectories,
                 joint=self.joint.flatten(0, 2),
                 muscle=self.muscle.flatten(0, 2),
                 hand=self.hand.flatten(0, 2),
@@ -132,7 +147,7 @@ class RolloutArrays:
     def _adjoint_structs(self, kernels: RolloutKernels) -> list[Any]:
         return [
             _fill(
-                kernels.UpstreamGradients,
+                kernels.structs.UpstreamGradients,
                 terms=self.upstream_terms,
                 joint=self.upstream_joint,
                 muscle=self.upstream_muscle,
@@ -146,12 +161,22 @@ class RolloutArrays:
                 activity=self.upstream_hidden,
             ),
             _fill(
-                kernels.CarriedGradients,
+                kernels.structs.CarriedGradients,
                 joint=self._carried_joint,
                 muscle=self._carried_muscle,
                 hand=self._carried_hand,
+                excitation=self._carried_excitation,
+                felt=self._carried_felt,
+                seen=self._carried_seen,
             ),
         ]
+
+    def _senses(self, kernels: RolloutKernels) -> Any:
+        senses = _fill(kernels.structs.Senses, noise=self.noise.flatten(0, 2))
+        senses.felt_delay, senses.seen_delay = self._delays
+        low, high = self._conditions.observation_bounds
+        senses.low, senses.high = (kernels.structs.vec_sensed(*bound[:N_SENSED]) for bound in (low, high))
+        return senses
 
     def _zeros(self, *shape: int) -> Tensor:
         return torch.zeros(shape, dtype=self._dtype, device=self._device)

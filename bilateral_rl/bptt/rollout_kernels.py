@@ -5,17 +5,18 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
+from bilateral_rl.bptt.features import Features
 from bilateral_rl.bptt.network_adjoint import network_adjoint
 from bilateral_rl.bptt.network_kernels import NetworkShape, NetworkTypes, network_forward, network_types
+from bilateral_rl.bptt.rollout_structs import HAND, N_SENSED, RolloutStructs, rollout_structs
+from bilateral_rl.bptt.step_kernels import step_functions
 from bilateral_rl.envs.arm.adjoint import arm_adjoint
-from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, proprioception, resting_muscles
+from bilateral_rl.envs.arm.hand_force import hand_force
+from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, resting_muscles
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY, arm_types, next_joint
 from bilateral_rl.envs.arm.physics import hand as hand_state
 from bilateral_rl.envs.reward import step_terms
-
-HAND, TARGET = 2 * N_MUSCLES, 2 * N_MUSCLES + 2
-"""Where an observation holds the hand's and the target's x and y; lengths and velocities of the muscles come first."""
 
 
 class RolloutKernels(NamedTuple):
@@ -26,91 +27,89 @@ class RolloutKernels(NamedTuple):
     roll_adjoint: wp.Kernel
     """Back through the steps of a trial; fills ``Deltas``."""
     network: NetworkTypes
-    Trials: Any
-    Trajectories: Any
-    UpstreamGradients: Any
-    CarriedGradients: Any
+    structs: RolloutStructs
 
 
 @functools.cache
-def rollout_kernels(real: Any, shape: NetworkShape) -> RolloutKernels:
-    """Return the kernels for networks of ``shape`` in precision ``real`` (``wp.float32`` or ``wp.float64``)."""
+def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> RolloutKernels:
+    """Return the kernels for networks of ``shape`` in precision ``real`` (``wp.float32`` or ``wp.float64``).
+
+    What ``features`` lack is left out when the kernels are compiled, as if it stood nowhere.
+    """
     _, vec2, vec4, vec6, rows, Parameters = arm_types(real)
-    vec_terms = wp.types.vector(3, real)
     network = network_types(real, shape)
-    Weights, Activity, Deltas, vec_in = network.Weights, network.Activity, network.Deltas, network.vec_in
-    excite, excite_adjoint = network_forward(real, shape), network_adjoint(real, shape)
+    Weights, Activity, Deltas = network.Weights, network.Activity, network.Deltas
+    structs = rollout_structs(real, features.further_losses)
+    Trials, Senses, Trajectories = structs.Trials, structs.Senses, structs.Trajectories
+    UpstreamGradients, CarriedGradients = structs.UpstreamGradients, structs.CarriedGradients
+    vec_terms, vec_felt = structs.vec_terms, structs.vec_felt
+    at_rest, seen_target, steady_force, observe, all_terms = step_functions(real, network.vec_in, features)
+    excite = network_forward(real, shape, features.hidden_noise)
+    excite_adjoint = network_adjoint(real, shape, features.hidden_noise)
     adjoint = arm_adjoint(real)
-    linearize, pull_back = adjoint.linearize, adjoint.pull_back
-
-    @wp.struct
-    class Trials:
-        """Trials of ``S`` networks with ``B`` each, ``n = S * B``; trial ``i`` is one of network ``i // B``."""
-
-        start: wp.array(dtype=vec2)  # (n,) angles (rad), at rest
-        target: wp.array(dtype=vec2)  # (n,) m
-        load: wp.array(dtype=vec2)  # (n,) N
-
-    @wp.struct
-    class Trajectories:
-        """What is so after each of ``T`` steps; sample ``k`` is step ``k % T`` of trial ``k // T``."""
-
-        joint: wp.array(dtype=vec4)  # (n * T,)
-        muscle: wp.array(dtype=rows)  # (n * T,)
-        hand: wp.array(dtype=vec2)  # (n * T,) m
-        excitation: wp.array(dtype=vec6)  # (n * T,) the step's command
-        terms: wp.array(dtype=vec_terms)  # (n * T,) the step's loss terms
-
-    @wp.struct
-    class UpstreamGradients:
-        """Gradients of each stream's loss by itself, where back-propagation begins; empty but for ``terms`` if none."""
-
-        terms: wp.array(dtype=vec_terms)  # (streams,) with respect to every step's terms
-        joint: wp.array2d(dtype=vec4)  # (streams, n * T)
-        muscle: wp.array2d(dtype=rows)  # (streams, n * T)
-        hand: wp.array2d(dtype=vec2)  # (streams, n * T)
-
-    @wp.struct
-    class CarriedGradients:
-        """Gradients with respect to the state between two steps, on their way back through the steps."""
-
-        joint: wp.array2d(dtype=vec4)  # (streams, n)
-        muscle: wp.array2d(dtype=rows)  # (streams, n)
-        hand: wp.array2d(dtype=vec4)  # (streams, n)
-
-    @wp.func
-    def at_rest(start: vec2) -> vec4:
-        """Return the joint state at rest at the angles ``start``."""
-        return vec4(start[0], start[1], real(0.0), real(0.0))
+    linearize, pull_back, pull_back_in_field = adjoint.linearize, adjoint.pull_back, adjoint.pull_back_in_field
+    _, has_forces, has_further, has_senses, _ = features
 
     @wp.func
     def weighted_terms(error: vec2, excitation: vec6, weight: vec_terms) -> real:
         """Return the weighted sum of a step's terms: its gradient is that of the loss by error and excitation."""
         return wp.dot(weight, step_terms(error, excitation))
 
+    @wp.func
+    def weighted_all_terms(
+        error: vec2,
+        velocity: vec2,
+        excitation: vec6,
+        change: vec6,
+        relative_force: vec6,
+        counts: real,
+        weight: vec_terms,
+    ) -> real:
+        """Return the weighted sum of all six."""
+        return wp.dot(weight, all_terms(error, velocity, excitation, change, relative_force, counts))
+
+    @wp.func
+    def driven(senses: Senses, k: int, excitation: vec6) -> vec6:
+        """Return what drives the muscles: the command, with noise where there is any."""
+        result = vec6(excitation)
+        if has_senses:
+            for m in range(N_MUSCLES):
+                result[m] = excitation[m] + senses.noise[k][N_SENSED + m]
+        return result
+
+    @wp.func
+    def within(t: int, counts_from: int) -> real:
+        """Return 1 in steps whose errors count, else 0."""
+        return wp.where(t >= counts_from, real(1.0), real(0.0))
+
     @wp.kernel(module="unique", enable_backward=False)
     def roll(
-        p: Parameters, w: Weights, trials: Trials, batch: int, n_steps: int, first: int, a: Activity, out: Trajectories
+        p: Parameters,
+        w: Weights,
+        trials: Trials,
+        senses: Senses,
+        batch: int,
+        n_steps: int,
+        counts_from: int,
+        first: int,
+        a: Activity,
+        out: Trajectories,
     ) -> None:
         trial = first + wp.tid()
         s = trial // batch
-        target = trials.target[trial]
-        load = trials.load[trial]
         joint = at_rest(trials.start[trial])
         muscle = resting_muscles(p, joint)
         position = hand_state(p, joint)
         for t in range(n_steps):
             k = trial * n_steps + t
-            observation = vec_in()
-            sensed = proprioception(p, muscle)
-            for i in range(2 * N_MUSCLES):
-                observation[i] = sensed[i]
-            for axis in range(2):
-                observation[HAND + axis] = position[axis]
-                observation[TARGET + axis] = target[axis]
+            target = seen_target(p, trials, trial, t)
+            observation = observe(p, trials, senses, out, trial, t, n_steps, muscle, position, target)
             excitation = excite(w, a, s, k, observation)
+            load = steady_force(trials, trial, t)
+            if has_forces:
+                load = hand_force(position, load, trials.velocity_gain[trial], trials.position_gain[trial])
             joint_next = next_joint(p, joint, muscle_torque(p, joint, muscle[FORCE]), load)
-            muscle = muscles_at(p, joint, activate(p, muscle[ACTIVATION], excitation))
+            muscle = muscles_at(p, joint, activate(p, muscle[ACTIVATION], driven(senses, k, excitation)))
             joint = joint_next
             position = hand_state(p, joint)
             hand = vec2(position[0], position[1])
@@ -118,15 +117,27 @@ def rollout_kernels(real: Any, shape: NetworkShape) -> RolloutKernels:
             out.muscle[k] = muscle
             out.hand[k] = hand
             out.excitation[k] = excitation
-            out.terms[k] = step_terms(hand - target, excitation)
+            if has_further:
+                change = vec6()
+                if t > 0:
+                    change = excitation - out.excitation[k - 1]
+                velocity = vec2(position[2], position[3])
+                relative_force = wp.cw_div(muscle[FORCE], p.max_isometric_force)
+                out.terms[k] = all_terms(
+                    hand - target, velocity, excitation, change, relative_force, within(t, counts_from)
+                )
+            else:
+                out.terms[k] = step_terms(hand - target, excitation)
 
     @wp.kernel(module="unique", enable_backward=False)
     def roll_adjoint(
         p: Parameters,
         w: Weights,
         trials: Trials,
+        senses: Senses,
         batch: int,
         n_steps: int,
+        counts_from: int,
         first: int,
         a: Activity,
         out: Trajectories,
@@ -142,6 +153,8 @@ def rollout_kernels(real: Any, shape: NetworkShape) -> RolloutKernels:
             c.joint[stream, trial] = vec4()
             c.muscle[stream, trial] = rows()
             c.hand[stream, trial] = vec4()
+            if has_further:
+                c.excitation[stream, trial] = vec6()
             d.combination[stream, trial, 0] = real(0.0)
             d.combination[stream, trial, 1] = real(0.0)
         for back in range(n_steps):
@@ -156,25 +169,82 @@ def rollout_kernels(real: Any, shape: NetworkShape) -> RolloutKernels:
                 muscle = resting_muscles(p, joint)
             muscle_next = out.muscle[k]
             excitation = out.excitation[k]
-            error = out.hand[k] - trials.target[trial]
+            error = out.hand[k] - seen_target(p, trials, trial, t)
+            load = steady_force(trials, trial, t)
             # What does not depend on the stream is worked out once for both.
-            slopes = linearize(p, joint, muscle[ACTIVATION], excitation, muscle_next)
+            slopes = linearize(p, joint, muscle[ACTIVATION], driven(senses, k, excitation), muscle_next)
             for stream in range(n_streams):
                 # The loss sees this step's end by its terms, by the next step (carried) and, maybe, by itself.
-                d_error, d_command, _weight = wp.grad(weighted_terms)(error, excitation, g.terms[stream])
                 d_joint = c.joint[stream, trial]
                 d_muscle = c.muscle[stream, trial]
-                d_hand = c.hand[stream, trial] + vec4(d_error[0], d_error[1], real(0.0), real(0.0))
+                d_hand = c.hand[stream, trial]
+                d_command = vec6()
+                if has_further:
+                    after = hand_state(p, out.joint[k])
+                    change = vec6()
+                    if t > 0:
+                        change = excitation - out.excitation[k - 1]
+                    by_error, by_velocity, by_excitation, by_change, by_force, _counts, _weight = wp.grad(
+                        weighted_all_terms
+                    )(
+                        error,
+                        vec2(after[2], after[3]),
+                        excitation,
+                        change,
+                        wp.cw_div(muscle_next[FORCE], p.max_isometric_force),
+                        within(t, counts_from),
+                        g.terms[stream],
+                    )
+                    d_hand = d_hand + vec4(by_error[0], by_error[1], by_velocity[0], by_velocity[1])
+                    # A change is this excitation minus the one before, which is met next.
+                    d_command = by_excitation + c.excitation[stream, trial]
+                    if t > 0:
+                        d_command = d_command + by_change
+                        c.excitation[stream, trial] = -by_change
+                    for m in range(N_MUSCLES):
+                        d_muscle[FORCE, m] = d_muscle[FORCE, m] + by_force[m] / p.max_isometric_force[m]
+                else:
+                    d_error, d_effort, _weight = wp.grad(weighted_terms)(error, excitation, g.terms[stream])
+                    d_hand = d_hand + vec4(d_error[0], d_error[1], real(0.0), real(0.0))
+                    d_command = d_effort
                 if g.joint.shape[1] > 0:
                     d_joint = d_joint + g.joint[stream, k]
                     d_muscle = d_muscle + g.muscle[stream, k]
                     d_position = g.hand[stream, k]
                     d_hand = d_hand + vec4(d_position[0], d_position[1], real(0.0), real(0.0))
-                gradients = pull_back(
-                    p, slopes, joint, muscle[FORCE], trials.load[trial], muscle_next, d_joint, d_muscle, d_hand
-                )
+                if has_forces:
+                    gradients = pull_back_in_field(
+                        p, slopes, joint, muscle[FORCE], load, trials.velocity_gain[trial], trials.position_gain[trial],
+                        muscle_next, d_joint, d_muscle, d_hand,
+                    )  # fmt: skip
+                else:
+                    gradients = pull_back(p, slopes, joint, muscle[FORCE], load, muscle_next, d_joint, d_muscle, d_hand)
                 d_excitation = gradients.excitation + d_command
                 d_observation = excite_adjoint(w, a, d, s, k, stream, trial, excitation, d_excitation)
+                d_felt = vec_felt()
+                for i in range(2 * N_MUSCLES):
+                    d_felt[i] = d_observation[i]
+                d_seen = vec2(d_observation[HAND], d_observation[HAND + 1])
+                if has_senses:
+                    # What is observed now was so a delay ago, and what is so now will be observed in a delay.
+                    observed = a.observation[k]
+                    for i in range(2 * N_MUSCLES):
+                        if observed[i] <= senses.low[i] or observed[i] >= senses.high[i]:
+                            d_felt[i] = real(0.0)
+                    for axis in range(2):
+                        i = HAND + axis
+                        if observed[i] <= senses.low[i] or observed[i] >= senses.high[i]:
+                            d_seen[axis] = real(0.0)
+                    felt_slots = senses.felt_delay + 1
+                    seen_slots = senses.seen_delay + 1
+                    c.felt[stream, trial, t % felt_slots] = d_felt
+                    c.seen[stream, trial, t % seen_slots] = d_seen
+                    d_felt = vec_felt()
+                    d_seen = vec2()
+                    if t + senses.felt_delay < n_steps:
+                        d_felt = c.felt[stream, trial, (t + senses.felt_delay) % felt_slots]
+                    if t + senses.seen_delay < n_steps:
+                        d_seen = c.seen[stream, trial, (t + senses.seen_delay) % seen_slots]
                 # Of the state at the step's start, the arm takes activation and force, the network lengths, velocities
                 # and the hand; what the network takes of the target is no state.
                 d_state = rows()
@@ -182,10 +252,10 @@ def rollout_kernels(real: Any, shape: NetworkShape) -> RolloutKernels:
                     optimal = p.optimal_muscle_length[m]
                     d_state[ACTIVATION, m] = gradients.activation[m]
                     d_state[FORCE, m] = gradients.force[m]
-                    d_state[LENGTH, m] = d_observation[m] / optimal
-                    d_state[VELOCITY, m] = d_observation[N_MUSCLES + m] / (p.normalized_max_velocity * optimal)
+                    d_state[LENGTH, m] = d_felt[m] / optimal
+                    d_state[VELOCITY, m] = d_felt[N_MUSCLES + m] / (p.normalized_max_velocity * optimal)
                 c.joint[stream, trial] = gradients.joint
                 c.muscle[stream, trial] = d_state
-                c.hand[stream, trial] = vec4(d_observation[HAND], d_observation[HAND + 1], real(0.0), real(0.0))
+                c.hand[stream, trial] = vec4(d_seen[0], d_seen[1], real(0.0), real(0.0))
 
-    return RolloutKernels(roll, roll_adjoint, network, Trials, Trajectories, UpstreamGradients, CarriedGradients)
+    return RolloutKernels(roll, roll_adjoint, network, structs)

@@ -10,13 +10,15 @@ import torch
 from torch import Tensor
 
 from bilateral_rl.analysis.modulation import Contributions, modulation_of
+from bilateral_rl.bptt.conditions import Conditions
 from bilateral_rl.bptt.history import MEASURES, groups, history_columns
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.rollout import Rollout
-from bilateral_rl.bptt.rollout_arrays import RolloutSize, TrialTensors
+from bilateral_rl.bptt.rollout_arrays import RolloutSize
 from bilateral_rl.bptt.state import SeedState, TrainingState
+from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.trials import epoch_order, stacked, training_trials, validation_trials
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import BPTTConfig
@@ -65,6 +67,7 @@ class Trainer:
         self._loss = config.spec.loss
         self._groups = groups(layout)
         task, settings = make_task(config.task), config.bptt
+        self._conditions = Conditions.of(task, config.trial, config.network.hidden_noise)
         self._training = stacked(
             [training_trials(seed, settings.trials, task, config.trial) for seed in config.all_seeds], config.device
         )
@@ -131,7 +134,13 @@ class Trainer:
         return _Stack(seeds, rollout, losses, optimizer)
 
     def _rollout(self, size: RolloutSize) -> Rollout:
-        return Rollout(self.layout, self.config.trial.arm, size, device=self.config.device, workers=self._workers)
+        config = self.config
+        return Rollout(
+            *(self.layout, config.trial.arm, size),
+            device=config.device,
+            workers=self._workers,
+            conditions=self._conditions,
+        )
 
     def _update(self, stack: _Stack, goes_on: Callable[[int], bool]) -> _EpochResult | None:
         """Do every update of an epoch; return None if it was not to go on.
@@ -169,11 +178,11 @@ class Trainer:
         return _EpochResult(sums / self.updates_per_epoch, failed_batch, last_good.cpu())
 
     def _shuffled(self, seeds: list[int]) -> TrialTensors:
-        """Return the epoch's trials in their order, (len(seeds), trials, 2) each."""
+        """Return the epoch's trials in their order, (len(seeds), trials, …) each."""
         n = self.config.bptt.trials
         orders = [epoch_order(self.config.seed + i, self.state.epoch, n) for i in seeds]
-        order = torch.from_numpy(np.stack(orders)).to(self.config.device)[..., None].expand(-1, -1, 2)
-        return TrialTensors(*(trials[seeds].gather(1, order) for trials in self._training))
+        order = torch.from_numpy(np.stack(orders)).to(self.config.device)
+        return self._training.map(lambda tensor: tensor[seeds]).in_order(order)
 
     def _group_norms(self, norms: Tensor) -> Tensor:
         """Return the gradient norm of each group (S, groups) float64, from that of each variable (S, variables)."""
@@ -195,13 +204,14 @@ class Trainer:
         losses = StreamLosses(loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
         rollout = self._rollout(RolloutSize(len(seeds), config.bptt.validation_trials, config.trial.trial_length))
         rollout.weights.copy_(self.state.weights[seeds])
-        rollout.load(TrialTensors(*(trials[seeds] for trials in self._validation)))
+        rollout.load(self._validation.map(lambda tensor: tensor[seeds]))
         rollout.forward()
         values = losses.values(rollout)[0].tolist()
-        start_distances, distances = (x.cpu().numpy() for x in rollout.distances())
+        targets = {name: part.cpu().numpy() for name, part in rollout.targets()._asdict().items() if part is not None}
         rows = []
         for i, value in enumerate(values):
-            means = trial_measures(distances[i], start_distances[i], config.trial.threshold).means()
+            own = {name: part[i] for name, part in targets.items()}
+            means = trial_measures(**own, threshold=config.trial.threshold).means()
             rows.append([value, *(means[name] for name in MEASURES), *self._supplied(rollout, i)])
         return torch.tensor(rows, dtype=torch.float64)
 

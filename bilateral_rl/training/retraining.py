@@ -16,7 +16,7 @@ from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.reach import reached_weights
 from bilateral_rl.bptt.rollout import Rollout
-from bilateral_rl.bptt.rollout_arrays import TrialTensors
+from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.trials import retraining_order, retraining_trials, stacked, training_trials
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
@@ -160,7 +160,7 @@ class Retraining:
             on_update(update + 1)
 
     def _trials(self, seeds: Sequence[int]) -> TrialTensors:
-        """Return the trials (S, n, 2) that the networks are trained on."""
+        """Return the trials (S, n, …) that the networks are trained on."""
         task, n, trial = make_task(self._config.task), self._n_trials, self._config.trial
         draw = training_trials if self.used.trials == "training" else retraining_trials
         by_seed = {seed: draw(seed, n, task, trial) for seed in dict.fromkeys(seeds)}
@@ -169,8 +169,7 @@ class Retraining:
     def _shuffled(self, trials: TrialTensors, seeds: Sequence[int], epoch: int) -> TrialTensors:
         """Return the trials in the order of an epoch."""
         orders = np.stack([retraining_order(seed, epoch, self._n_trials) for seed in seeds])
-        order = torch.from_numpy(orders).to(self._device)[..., None].expand(-1, -1, 2)
-        return TrialTensors(*(part.gather(1, order) for part in trials))
+        return trials.in_order(torch.from_numpy(orders).to(self._device))
 
 
 def _check(config: TrainConfig, protocol: Protocol) -> None:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
+from bilateral_rl.envs.arm.hand_force import hand_force
 from bilateral_rl.envs.arm.muscles import muscle_torque
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import (
@@ -47,12 +48,15 @@ class ArmAdjoint(NamedTuple):
     """Struct, what ``pull_back`` returns."""
     linearize: Any
     pull_back: Any
+    pull_back_in_field: Any
+    """As ``pull_back``, under a force on the hand that depends on its motion, :func:`hand_force`."""
 
 
 @functools.cache
 def arm_adjoint(real: Any) -> ArmAdjoint:
     """Return the adjoint in precision ``real`` (``wp.float32`` or ``wp.float64``)."""
     _, vec2, vec4, vec6, rows, Parameters = arm_types(real)
+    mat22 = wp.types.matrix((2, 2), real)
 
     @wp.struct
     class Slopes:
@@ -102,27 +106,25 @@ def arm_adjoint(real: Any) -> ArmAdjoint:
         return slopes
 
     @wp.func
-    def pull_back(
+    def pull_back_muscles(
         p: Parameters,
         slopes: Slopes,
         joint: vec4,
-        force: vec6,
-        load: vec2,
         muscle_next: rows,
-        d_joint_next: vec4,
         d_muscle_next: rows,
-        d_hand_next: vec4,
+        d_joint_by_motion: vec4,
+        d_force: vec6,
+        d_load: vec2,
     ) -> StepGradients:
-        """Return the gradients with respect to what a step takes, from those with respect to what it gives."""
+        """Return the gradients of a step from those by its motion, adding what goes through the muscles.
+
+        Each column of muscle' depends on its own activation and excitation, and on joint by its path. Backwards through
+        ``muscle_column``, from the last row to the first: what a row puts into later rows is added.
+        """
         result = StepGradients()
-        # The motion: joint' and hand' depend on joint, force and load; gradients of parameters and weights are unused.
-        _p, d_joint, d_force, d_load, _w_joint, _w_hand = wp.grad(weighted_motion)(
-            p, joint, force, load, d_joint_next, d_hand_next
-        )
         result.force = d_force
         result.load = d_load
-        # The muscles: each column of muscle' depends on its own activation and excitation, and on joint by its path.
-        # Backwards through ``muscle_column``, from the last row to the first: what a row puts into later rows is added.
+        d_joint = vec4(d_joint_by_motion)
         for m in range(N_MUSCLES):
             optimal = p.optimal_muscle_length[m]
             d_total = p.max_isometric_force[m] * d_muscle_next[FORCE, m]  # of active + passive
@@ -151,7 +153,46 @@ def arm_adjoint(real: Any) -> ArmAdjoint:
         result.joint = d_joint
         return result
 
-    return ArmAdjoint(Slopes, StepGradients, linearize, pull_back)
+    @wp.func
+    def pull_back(
+        p: Parameters,
+        slopes: Slopes,
+        joint: vec4,
+        force: vec6,
+        load: vec2,
+        muscle_next: rows,
+        d_joint_next: vec4,
+        d_muscle_next: rows,
+        d_hand_next: vec4,
+    ) -> StepGradients:
+        """Return the gradients with respect to what a step takes, from those with respect to what it gives."""
+        # The motion: joint' and hand' depend on joint, force and load; gradients of parameters and weights are unused.
+        _p, d_joint, d_force, d_load, _w_joint, _w_hand = wp.grad(weighted_motion)(
+            p, joint, force, load, d_joint_next, d_hand_next
+        )
+        return pull_back_muscles(p, slopes, joint, muscle_next, d_muscle_next, d_joint, d_force, d_load)
+
+    @wp.func
+    def pull_back_in_field(
+        p: Parameters,
+        slopes: Slopes,
+        joint: vec4,
+        force: vec6,
+        offset: vec2,
+        velocity_gain: mat22,
+        position_gain: mat22,
+        muscle_next: rows,
+        d_joint_next: vec4,
+        d_muscle_next: rows,
+        d_hand_next: vec4,
+    ) -> StepGradients:
+        """Return what ``pull_back`` does where the load is offset + B v − K x of the hand before the step."""
+        _p, d_joint, d_force, d_offset, _b, _k, _w_joint, _w_hand = wp.grad(weighted_motion_in_field)(
+            p, joint, force, offset, velocity_gain, position_gain, d_joint_next, d_hand_next
+        )
+        return pull_back_muscles(p, slopes, joint, muscle_next, d_muscle_next, d_joint, d_force, d_offset)
+
+    return ArmAdjoint(Slopes, StepGradients, linearize, pull_back, pull_back_in_field)
 
 
 @wp.func
@@ -159,6 +200,22 @@ def weighted_motion(p: Any, joint: Any, force: Any, load: Any, joint_weight: Any
     """Return the weighted sum of joint state and hand one step on: its gradient is the weights' pulled back."""
     joint_next = next_joint(p, joint, muscle_torque(p, joint, force), load)
     return wp.dot(joint_weight, joint_next) + wp.dot(hand_weight, hand(p, joint_next))
+
+
+@wp.func
+def weighted_motion_in_field(
+    p: Any,
+    joint: Any,
+    force: Any,
+    offset: Any,
+    velocity_gain: Any,
+    position_gain: Any,
+    joint_weight: Any,
+    hand_weight: Any,
+) -> Any:
+    """Return ``weighted_motion`` under the force on the hand that its motion before the step makes."""
+    load = hand_force(hand(p, joint), offset, velocity_gain, position_gain)
+    return weighted_motion(p, joint, force, load, joint_weight, hand_weight)
 
 
 @wp.func

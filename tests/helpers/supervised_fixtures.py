@@ -41,11 +41,13 @@ def _rows(layout, named):
     return rows
 
 
-def _make_rollout(networks, n_trials=4, n_steps=8, arm=None, seed=0, limits=False, workers=None, **wanted):
+def _make_rollout(
+    networks, n_trials=4, n_steps=8, arm=None, seed=0, limits=False, workers=None, conditions=None, **wanted
+):
     """A rollout of ``networks`` with random trials; with ``limits``, some start in a corner of the joints' range."""
     layout, dtype = Layout(networks[0]), next(networks[0].parameters()).dtype
     size = RolloutSize(len(networks), n_trials, n_steps, **wanted)
-    rollout = Rollout(layout, arm or ArmParameters(), size, dtype=dtype, workers=workers)
+    rollout = Rollout(layout, arm or ArmParameters(), size, dtype=dtype, workers=workers, conditions=conditions)
     rollout.weights.copy_(_rows(layout, [dict(network.named_parameters()) for network in networks]))
     generator = torch.Generator().manual_seed(seed)
 

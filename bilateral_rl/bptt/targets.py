@@ -1,0 +1,41 @@
+"""Where the targets of trials are from step to step, and how far the hand is from them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from bilateral_rl.bptt.trial_tensors import TrialTensors
+from bilateral_rl.envs import Arm, ArmParameters
+
+
+class Targets(NamedTuple):
+    """The targets that trials of ``T`` steps are judged by, as ``trial_measures`` takes them."""
+
+    distance: Tensor
+    """(S, B, T): from the hand to the target after each step (m)."""
+    start_distance: Tensor
+    """(S, B): likewise when the last target began (m)."""
+    onset: Tensor | None
+    """(S, B) int32: the step at which that was, T where no cue came; None in trials without a timeline: at once."""
+
+    @classmethod
+    def of(cls, trials: TrialTensors, hand: Tensor, arm: ArmParameters) -> Targets:
+        """Return the targets of ``trials`` (S, B, …) in which ``hand`` (S, B, T, 2) moved so."""
+        angles = trials.start.flatten(0, 1)
+        start = Arm(arm, hand.device, hand.dtype).rest(angles).cartesian[:, :2].view_as(trials.target)
+        if trials.go is None or trials.jump is None or trials.jump_target is None:
+            seen = trials.target[:, :, None]
+            return cls((hand - seen).norm(dim=-1), (start - trials.target).norm(dim=-1), None)
+        n_steps = hand.shape[2]
+        step = torch.arange(n_steps, dtype=torch.int32, device=hand.device)
+        jumped, cued = ((step >= when[:, :, None])[..., None] for when in (trials.jump, trials.go))
+        seen = torch.where(cued, trials.target[:, :, None], start[:, :, None])
+        seen = torch.where(jumped, trials.jump_target[:, :, None], seen)
+        onset = torch.where(trials.jump < n_steps, trials.jump, trials.go).clamp(max=n_steps)
+        path = torch.cat([start[:, :, None], hand], dim=2)  # (S, B, T + 1, 2) before each step, and after the last
+        at = torch.where(onset < n_steps, onset, 0).long()[:, :, None, None].expand(-1, -1, 1, 2)
+        last = seen[:, :, -1]  # of the last target, wherever it began
+        return cls((hand - seen).norm(dim=-1), (path.gather(2, at)[:, :, 0] - last).norm(dim=-1), onset)
