@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
-from bilateral_rl.envs.doors import checked_seed, numbers, settings_for
+from bilateral_rl.envs.doors import checked_seed, checked_trials, numbers, settings_for
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
@@ -116,14 +116,23 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        trials = _trial_from_options({} if options is None else options)
+        places = _places_from_options({} if options is None else options)
         super().reset(seed=checked_seed(seed))
         draws = self.batch.draw(self.np_random)
-        if trials is None:
-            trials = self.batch.task.trials(draws.uniform, self.settings)
-        self.batch.start(_ARM, trials, draws.noise)
+        self.batch.start(_ARM, self._next_trial(places, draws.uniform), draws.noise)
         self._view.advance()
         return self.batch.observation[0].copy(), {}
+
+    def _next_trial(self, places: Trials | None, uniform: NDArray[np.float64]) -> Trials:
+        """Return the trial that is drawn, but at ``places`` if they are given."""
+        task = self.batch.task
+        if places is not None and not (task.has_timeline or task.has_forces):
+            return places
+        drawn = task.trials(uniform, self.settings)
+        if places is None:
+            return drawn
+        checked = checked_trials(drawn, 1, task, self.settings.arm)
+        return places._replace(timeline=checked.timeline, forces=checked.forces)
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         batch = self.batch
@@ -180,8 +189,8 @@ def with_time_limit(settings: dict[str, Any], max_episode_steps: int | None) -> 
     return settings | {"trial_length": max_episode_steps}
 
 
-def _trial_from_options(options: dict[str, Any]) -> Trials | None:
-    """Return the one trial that ``reset(options=...)`` describes; None without options.
+def _places_from_options(options: dict[str, Any]) -> Trials | None:
+    """Return the start, goal and load that ``reset(options=...)`` describes; None without options.
 
     Raises:
         TypeError: no dictionary, or values that are no numbers.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from arm_faces import SETTINGS, assert_same, each_setting
 from gymnasium.utils.env_checker import check_env as gymnasium_check
+from rich_tasks import RICH_SETTINGS, Rich
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, ArmVecEnv, ArmVectorEnv, TrialSettings
@@ -45,6 +46,13 @@ def test_a_registered_environment_passes_the_checkers_without_a_warning(name, ch
         check(env.unwrapped)
 
 
+@pytest.mark.parametrize("check", [gymnasium_check, sb3_check], ids=["gymnasium", "sb3"])
+def test_an_environment_with_every_feature_passes_the_checkers_without_a_warning(check):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check(gymnasium.make(IDS[0], task=Rich(), trial_length=20, **RICH_SETTINGS).unwrapped)
+
+
 @pytest.mark.parametrize("name", IDS)
 def test_gymnasiums_wrappers_find_nothing_to_warn_about_in_a_whole_trial(name):
     with warnings.catch_warnings():
@@ -78,7 +86,9 @@ def test_the_stretched_and_the_folded_arm_lie_in_the_observation_space():
         assert env.observation_space.contains(observation), posture
 
 
-@pytest.mark.parametrize(("task", "settings"), list(zip(TASKS, SETTINGS.values(), strict=True)), ids=SETTINGS)
+@pytest.mark.parametrize(
+    ("task", "settings"), list(zip([*TASKS, Rich()], SETTINGS.values(), strict=True)), ids=SETTINGS
+)
 def test_the_same_seed_gives_the_same_trials(task, settings):
     one, two = ArmEnv(task, **settings), ArmEnv(task, **settings)
     assert_same(trial(one, actions(50), seed=5), trial(two, actions(50), seed=5))
@@ -156,6 +166,17 @@ def test_reset_options_set_the_trial():
     observation, _ = env.reset(options={"start": [0.5, 1.5]})
     np.testing.assert_array_equal(observation[12:14], observation[14:])
     np.testing.assert_array_equal(env.batch.load, [[0, 0]])
+
+
+def test_reset_options_set_the_places_and_leave_timeline_and_forces_drawn():
+    set_places, drawn = ArmEnv(Rich()), ArmEnv(Rich())
+    drawn.reset(seed=5)
+    set_places.reset(seed=5, options={"start": (0.5, 1.5), "goal": (1.0, 0.5)})
+    np.testing.assert_array_equal(set_places.batch.joint, np.float32([[0.5, 1.5, 0, 0]]))
+    np.testing.assert_array_equal(set_places.batch.load, [[0, 0]])
+    ours, theirs = (env.batch.state_arrays() for env in (set_places, drawn))
+    for name in ("go", "jump", "jump_target", "velocity_gain", "pulse", "pulse_window"):
+        np.testing.assert_array_equal(ours[name], theirs[name])
 
 
 def test_a_set_trial_can_be_repeated_and_leaves_the_random_stream_in_step():

@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 from arm_faces import assert_same, each_setting
+from rich_tasks import RICH_SETTINGS, Rich
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
@@ -16,7 +17,7 @@ from bilateral_rl.envs import TASKS, ArmEnv, ArmVecEnv
 
 LENGTH = 5
 MEASURES = ("is_success", "speed_to_goal", "time_in_goal", "final_error")
-each_task = pytest.mark.parametrize("task", TASKS)
+each_task = pytest.mark.parametrize("task", [*TASKS, Rich()], ids=[*TASKS, "rich"])
 
 
 def actions(steps, n, seed=0):
@@ -69,6 +70,16 @@ def test_a_batch_is_so_many_single_environments_over_several_trials(task, settin
             alone = env.step(command[arm])
             next_observation = env.reset()[0] if alone[3] else None
             assert_arm_is_env(step, arm, venv.last_vector_reward, alone, next_observation)
+
+
+def test_an_arm_s_trials_do_not_depend_on_how_many_arms_there_are():
+    few, many = (ArmVecEnv(n, Rich(), seed=7, trial_length=LENGTH, **RICH_SETTINGS) for n in (2, 9))
+    np.testing.assert_array_equal(few.reset(), many.reset()[:2])
+    for command in actions(4 * LENGTH, 9):
+        ours, theirs = few.step(command[:2]), many.step(command)
+        for i in range(3):
+            np.testing.assert_array_equal(ours[i], theirs[i][:2])
+        np.testing.assert_array_equal(few.batch.force, many.batch.force[:2])
 
 
 def test_a_long_run_of_trials_is_the_single_environments():

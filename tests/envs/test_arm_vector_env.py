@@ -9,7 +9,8 @@ import gymnasium
 import numpy as np
 import pytest
 from arm_faces import each_setting
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from rich_tasks import RICH_SETTINGS, Rich
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmEnv, ArmVectorEnv
 
@@ -114,6 +115,13 @@ def test_make_vec_makes_one_batch_and_warns_of_nothing(name):
 def test_it_does_what_gymnasiums_vector_environment_of_single_arms_does_in_that_mode(settings, mode, apart):
     name = IDS[bool(settings)]
     assert_same_play(batched(name, mode, **settings), one_by_one(name, mode, **settings), mode, apart)
+
+
+@each_mode
+def test_it_does_so_with_timelines_and_forces_too(mode):
+    ours = ArmVectorEnv(N, Rich(), autoreset_mode=mode, trial_length=LENGTH, **RICH_SETTINGS)
+    envs = [lambda: ArmEnv(Rich(), trial_length=LENGTH, **RICH_SETTINGS)] * N
+    assert_same_play(ours, SyncVectorEnv(envs, autoreset_mode=mode), mode)
 
 
 def test_a_vector_reward_is_told_at_every_step_the_last_of_a_trial_too():

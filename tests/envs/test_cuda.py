@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from arm_faces import each_setting
+from rich_tasks import Rich
 
 from bilateral_rl.envs import Arm, ArmState, ArmVecEnv, ArmVectorEnv
 
@@ -34,8 +35,8 @@ def actions(steps, n):
     return np.random.default_rng(1).uniform(-1, 1, (steps, n, 6)).astype(np.float32)
 
 
-def make(device, settings, n=5):
-    venv = ArmVecEnv(n, "hold_position", device=device, seed=3, trial_length=LENGTH, **settings)
+def make(device, settings, n=5, task="hold_position"):
+    venv = ArmVecEnv(n, task, device=device, seed=3, trial_length=LENGTH, **settings)
     return venv, venv.reset()
 
 
@@ -48,9 +49,10 @@ def test_an_arm_on_cuda_moves_as_on_the_cpu(dtype, tolerance):
     assert (cuda_gradient - gradient).abs().max() < 10 * tolerance * gradient.abs().max()
 
 
+@pytest.mark.parametrize("task", ["hold_position", Rich()], ids=["hold", "rich"])
 @each_setting
-def test_a_vecenv_on_cuda_runs_the_same_trials_as_on_the_cpu(settings):
-    (cpu, cpu_start), (cuda, cuda_start) = make("cpu", settings), make("cuda", settings)
+def test_a_vecenv_on_cuda_runs_the_same_trials_as_on_the_cpu(settings, task):
+    (cpu, cpu_start), (cuda, cuda_start) = make("cpu", settings, task=task), make("cuda", settings, task=task)
     np.testing.assert_allclose(cuda_start, cpu_start, atol=1e-5)
     for command in actions(3 * LENGTH, 5):
         ours, reference = cuda.step(command), cpu.step(command)
@@ -58,6 +60,8 @@ def test_a_vecenv_on_cuda_runs_the_same_trials_as_on_the_cpu(settings):
         np.testing.assert_allclose(ours[1], reference[1], atol=1e-4)
         np.testing.assert_allclose(cuda.last_vector_reward, cpu.last_vector_reward, atol=1e-4)
         np.testing.assert_array_equal(ours[2], reference[2])
+        np.testing.assert_allclose(cuda.batch.force, cpu.batch.force, rtol=1e-3, atol=1e-2)
+        np.testing.assert_array_equal(cuda.batch.onset, cpu.batch.onset)
         for info, other in zip(ours[3], reference[3], strict=True):
             assert set(info) == set(other)
             if info:
@@ -80,9 +84,10 @@ def test_arms_on_cuda_that_begin_apart_stand_still_while_the_others_move(setting
             np.testing.assert_allclose(ours, reference, atol=1e-4)
 
 
+@pytest.mark.parametrize("task", ["hold_position", Rich()], ids=["hold", "rich"])
 @each_setting
-def test_a_copy_of_a_vecenv_on_cuda_goes_on_identically(settings):
-    venv, _ = make("cuda", settings)
+def test_a_copy_of_a_vecenv_on_cuda_goes_on_identically(settings, task):
+    venv, _ = make("cuda", settings, task=task)
     for command in actions(LENGTH + 2, 5):
         venv.step(command)
     twin = pickle.loads(pickle.dumps(venv))

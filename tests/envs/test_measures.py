@@ -117,3 +117,42 @@ def test_means_are_in_percent_centimeters_and_steps_and_speed_that_of_the_trials
         }
     )
     assert math.isnan(trial_measures([[OUT] * 4], [0.4], 0.05).means()["speed_to_goal_cm_per_step"])
+
+
+def test_measures_count_from_the_onset_of_the_target():
+    distance = [[IN, IN, IN, OUT, OUT, IN, IN, IN, OUT, IN]]
+    measures = trial_measures(distance, [0.3], 0.05, [2])
+    assert measures.goal_completion
+    assert measures.time_to_goal == 4  # steps 2, 3, 4 and 5, the first of three within the threshold
+    assert measures.speed_to_goal == 0.3 / 4
+    assert measures.time_in_goal == 5
+    too_late = trial_measures(distance, [0.3], 0.05, [6])
+    assert not too_late.goal_completion
+    assert too_late.time_to_goal == 4
+    assert too_late.time_in_goal == 3
+
+
+def test_an_onset_at_the_start_is_none():
+    distance = np.random.default_rng(0).uniform(0, 0.1, (200, 12))
+    start = np.full(200, 0.4)
+    for ours, theirs in zip(
+        trial_measures(distance, start, 0.05), trial_measures(distance, start, 0.05, np.zeros(200, int)), strict=True
+    ):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_without_a_cue_a_trial_is_completed_by_staying():
+    measures = trial_measures([[IN] * 4, [IN, IN, IN, OUT]], [0.0, 0.0], 0.05, [4, 4])
+    assert measures.goal_completion.tolist() == [True, False]
+    assert measures.time_in_goal.tolist() == [0, 0]
+    assert measures.time_to_goal.tolist() == [0, 0]
+    assert np.isnan(measures.speed_to_goal).all()
+
+
+@pytest.mark.parametrize(
+    ("onset", "error"),
+    [([5], ValueError), ([-1], ValueError), ([0, 0], ValueError), ([0.5], TypeError), ("soon", TypeError)],
+)
+def test_an_onset_outside_the_trial_is_refused(onset, error):
+    with pytest.raises(error, match="onset"):
+        trial_measures([[IN] * 4], [0.3], 0.05, onset)

@@ -143,3 +143,41 @@ def test_a_new_trial_senses_nothing_of_the_last_one(noise):
     start = observations[1, 0]
     np.testing.assert_array_equal(observations[1, :8], [start] * 8)
     assert not np.array_equal(observations[1, 12], start)
+
+
+LENGTHS, VELOCITIES, SEEN = slice(0, 6), slice(6, 12), slice(12, 14)
+
+
+@pytest.mark.parametrize(
+    ("setting", "own"), [("length_noise", LENGTHS), ("velocity_noise", VELOCITIES), ("vision_noise", SEEN)]
+)
+def test_noise_of_one_sense_is_on_that_sense_alone_and_as_large_as_asked_for(setting, own):
+    clean, noisy = record(100)[0], record(100, **{setting: 0.01})[0]
+    np.testing.assert_array_equal(np.delete(noisy, own, axis=2), np.delete(clean, own, axis=2))
+    inside = (np.abs(clean[..., 12:14]) < 0.58).all(axis=(0, 2))
+    assert_white((noisy - clean)[:, inside, own], 0.01)
+
+
+def test_noise_of_its_own_takes_the_place_of_the_common_one():
+    common, own = record(4, sensory_noise=0.02)[0], record(4, sensory_noise=0.02, vision_noise=0.0)[0]
+    np.testing.assert_array_equal(own[..., :12], common[..., :12])
+    np.testing.assert_array_equal(own[..., SEEN], record(4)[0][..., SEEN])
+    alike = {"length_noise": 0.02, "velocity_noise": 0.02, "vision_noise": 0.02}
+    np.testing.assert_array_equal(record(4, **alike)[0], common)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("delays", [(0, 5), (5, 0), (2, 3), (STEPS + 3, 1)])
+def test_muscles_and_hand_lag_each_by_its_own_delay(delays, noise):
+    now = record(3, sensory_noise=noise)[0]
+    muscles, hand = delays
+    delayed = record(3, sensory_noise=noise, proprioception_delay=muscles, vision_delay=hand)[0]
+    for lag, sense in ((muscles, slice(0, 12)), (hand, SEEN), (0, TARGET)):
+        seen = np.maximum(np.arange(STEPS + 1) - lag, 0)
+        np.testing.assert_array_equal(delayed[..., sense], now[seen][..., sense])
+
+
+def test_a_delay_of_its_own_takes_the_place_of_the_common_one():
+    np.testing.assert_array_equal(
+        record(3, feedback_delay=4, vision_delay=1)[0], record(3, proprioception_delay=4, vision_delay=1)[0]
+    )

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from rich_tasks import RICH_SETTINGS
 
 SETTINGS = {
     "plain": {},
     "noisy and delayed": {"sensory_noise": 0.01, "motor_noise": 0.05, "feedback_delay": 2},
+    "senses and losses of one's own": RICH_SETTINGS,
 }
 each_setting = pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS.keys())
 
