@@ -50,6 +50,14 @@ def listed_hands(place: Place, arm: ArmParameters, center: Float64 | None = None
     return (np.asarray(middle, dtype=np.float64).reshape(-1, 1, 2) + _circle(around)).reshape(-1, 2)
 
 
+def number_listed(place: Place) -> int | None:
+    """Return of how many points a place consists; None if it is a region."""
+    if place.center_out is not None:
+        return place.center_out.number
+    points = _listed(place.hand if place.joints is None else place.joints)
+    return None if points is None else len(points)
+
+
 def check_place(place: Place, arm: ArmParameters, center: Float64 | None = None) -> None:
     """Raise a ValueError unless the arm can take all of a place: of a region, its rim and a fine grid are tried.
 

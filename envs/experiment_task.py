@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.experiment import Directions, Experiment, ForcePulse, Forces, TargetJump
-from bilateral_rl.envs.experiment_places import chosen_index, draw_postures
+from bilateral_rl.envs.experiment_places import chosen_index, draw_postures, number_listed
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import NEVER, HandForces, Task, Timeline, Trials, draw_loads
+from bilateral_rl.envs.tasks import FEATURES, NEVER, HandForces, Task, Timeline, Trials, draw_loads
 
 Float64 = NDArray[np.float64]
 _NUMBERS = {
@@ -68,6 +68,37 @@ class ExperimentTask(Task):
             timeline=timeline,
             forces=self._forces(forces, parts, timeline, hand, hand_position(goal, arm)),
         )
+
+    @property
+    def features(self) -> frozenset[str]:
+        cues, forces = self.experiment.timeline, self.experiment.forces or Forces()
+        has = {
+            "cue": cues is not None and (cues.go != (0, 0) or cues.no_go_share > 0),
+            "jump": cues is not None and cues.jump is not None,
+            "field": forces.has_field,
+            "pulse": forces.pulse is not None,
+            "channel": forces.channel is not None and forces.channel.share > 0,
+        }
+        return frozenset(name for name in FEATURES if has[name])
+
+    @property
+    def mixes(self) -> tuple[str, ...]:
+        forces = self.experiment.forces or Forces()
+        in_channel = forces.channel.share if forces.channel is not None else 0.0
+        off = forces.field_off_share if forces.has_field else 1.0 - in_channel
+        shares = {"field": 1.0 - off - in_channel, "null": off, "channel": in_channel}
+        there = tuple(name for name, share in shares.items() if share > 1e-9)  # more than the rounding of their sum
+        return there if len(there) > 1 else ()
+
+    def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
+        target = self.experiment.target
+        n = None if isinstance(target, str) else number_listed(target)
+        if n is None:
+            return super().target_indices(uniform, settings)
+        return chosen_index(uniform[:, _SLICES["target"]][:, 0], n).astype(np.int32)
+
+    def field(self, uniform: NDArray[np.float64], settings: TrialSettings) -> HandForces | None:
+        return ExperimentTask(self.experiment.with_condition("field")).trials(uniform, settings).forces
 
     def _timeline(
         self, parts: dict[str, Float64], goal: Float64, hand: Float64, settings: TrialSettings

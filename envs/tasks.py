@@ -115,6 +115,13 @@ class Task(ABC):
         of_timeline = ("cue", "jump") if self.has_timeline else ()
         return frozenset((*of_timeline, *(("field", "pulse", "channel") if self.has_forces else ())))
 
+    @property
+    def mixes(self) -> tuple[str, ...]:
+        """The conditions of its trials that differ in the forces on the hand, "field", "null" and "channel"; empty
+        where all trials are alike.
+        """
+        return ()
+
     def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
         """Return which of the targets that it lists each trial of :meth:`trials` has, (n,), from 0; -1: no list."""
         return np.full(len(uniform), -1, dtype=np.int32)

@@ -17,7 +17,7 @@ from bilateral_rl.analysis.samples import Float64
 def signed_deviation(hand: ArrayLike, target: ArrayLike) -> Float64:
     """(n, T + 1): distance of the hand to the left of the line from start to target (m); NaN where they are one."""
     path = np.asarray(hand, dtype=np.float64)
-    return _to_the_left(path - path[:, :1], path, target)
+    return _to_the_left(path - path[:, :1], path[:, 0], target)
 
 
 def deviation_at_peak_speed(hand: ArrayLike, target: ArrayLike) -> Float64:
@@ -34,23 +34,23 @@ def largest_deviation(hand: ArrayLike, target: ArrayLike) -> Float64:
     return _largest(signed_deviation(hand, target))
 
 
-def force_on_walls(force: ArrayLike, hand: ArrayLike, target: ArrayLike) -> Float64:
+def force_on_walls(force: ArrayLike, start: ArrayLike, target: ArrayLike) -> Float64:
     """(n, T): force of the hand on the walls to the left of the path (N), minus that of the walls on the hand.
 
     Args:
         force: (n, T, 2), of the walls on the hand in each step (N).
-        hand: (n, T + 1, 2) (m).
+        start: (n, 2), where the channel begins (m).
         target: (n, 2), where the channel leads (m).
     """
-    return -_to_the_left(np.asarray(force, dtype=np.float64), np.asarray(hand, dtype=np.float64), target)
+    return -_to_the_left(np.asarray(force, dtype=np.float64), start, target)
 
 
-def peak_force(force: ArrayLike, hand: ArrayLike, target: ArrayLike) -> Float64:
+def peak_force(force: ArrayLike, start: ArrayLike, target: ArrayLike) -> Float64:
     """(n,): :func:`force_on_walls` where it is largest in size (N)."""
-    return _largest(force_on_walls(force, hand, target))
+    return _largest(force_on_walls(force, start, target))
 
 
-def compensation(force: ArrayLike, field_force: ArrayLike, hand: ArrayLike, target: ArrayLike) -> Float64:
+def compensation(force: ArrayLike, field_force: ArrayLike, start: ArrayLike, target: ArrayLike) -> Float64:
     """(n,): regression coefficient of the force on the walls on the one that would cancel the field.
 
     The slope of the least-squares line, with an intercept, through the trial's steps: 1 where the hand presses as the
@@ -60,19 +60,19 @@ def compensation(force: ArrayLike, field_force: ArrayLike, hand: ArrayLike, targ
     Args:
         force: (n, T, 2), of the walls on the hand in each step (N).
         field_force: (n, T, 2), what the field would have, which the hand cancels by minus that (N).
-        hand: (n, T + 1, 2) (m).
+        start: (n, 2), where the channel begins (m).
         target: (n, 2), where the channel leads (m).
     """
-    measured, ideal = (force_on_walls(one, hand, target) for one in (force, field_force))
+    measured, ideal = (force_on_walls(one, start, target) for one in (force, field_force))
     measured, ideal = (one - one.mean(axis=1, keepdims=True) for one in (measured, ideal))
     spread = (ideal**2).sum(axis=1)
     product = (measured * ideal).sum(axis=1)
     return np.asarray(np.divide(product, spread, out=np.full(len(spread), np.nan), where=spread > 0))
 
 
-def _to_the_left(vectors: Float64, path: Float64, target: ArrayLike) -> Float64:
-    """(n, …): the share of vectors (n, …, 2) to the left of the line from the start of paths to targets."""
-    straight = np.asarray(target, dtype=np.float64) - path[:, 0]
+def _to_the_left(vectors: Float64, start: ArrayLike, target: ArrayLike) -> Float64:
+    """(n, T): the share of vectors (n, T, 2) to the left of the line from start to target."""
+    straight = np.asarray(target, dtype=np.float64) - np.asarray(start, dtype=np.float64)
     distance = np.linalg.norm(straight, axis=1)
     unit = straight / np.where(distance >= SAME_PLACE, distance, np.nan)[:, None]
     return np.asarray(unit[:, None, 0] * vectors[..., 1] - unit[:, None, 1] * vectors[..., 0])

@@ -1,66 +1,55 @@
 """Every metric of the studies, as data: what it is called, what it means, in which task, and how it is computed.
 
 A metric's value is that of a seed: the mean over its trials, those left out in which it has no meaning (NaN where it
-has none in any). The metrics of a goal carry the goal's radius in their name: ``goal_completion_5cm``.
+has none in any). The metrics of a goal carry the goal's radius in their name: ``goal_completion_5cm``. What a reach
+comes to is measured from its onset on, the go cue or the jump of the target, and not in trials without a cue. Of the
+trials in one condition alone a metric ends with it: ``final_error_in_null``, ``goal_completion_5cm_in_field``.
 """
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bilateral_rl.analysis import kinematics, smoothness
+from bilateral_rl.analysis import experiment_metrics, kinematics, smoothness
 from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
+from bilateral_rl.analysis.metric import IN, Better, GoalMetric, Metric, mean
+from bilateral_rl.analysis.trial_parts import cued, over_reaches
+from bilateral_rl.analysis.trial_plans import CONDITIONS
 from bilateral_rl.analysis.trials import TrialRecord
-from bilateral_rl.config.catalogue import check_choice
-from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.envs.tasks import HoldPosition, RandomReach
+from bilateral_rl.envs.tasks import Task, make_task
 from bilateral_rl.io.errors import UserError
 
-_REACH, _HOLD = (RandomReach.id,), (HoldPosition.id,)
-_BOTH = _REACH + _HOLD
+_REACH, _HOLD, _BOTH = ("reach",), ("hold",), ()
+_KINDS = {"goal_completion": "reach", "time_in_goal": "hold"}
+"""What a task is, by what it is judged by."""
 
 
-@dataclass(frozen=True)
-class Metric:
-    """One number that sums up the trials of one seed."""
-
-    name: str
-    """What tables and commands call it."""
-    label: str
-    """Words for axes and reports, without the unit."""
-    unit: str
-    """Unit of the value; empty for a pure number."""
-    tasks: tuple[str, ...]
-    """Ids of the tasks in which it means something."""
-    better: Literal["higher", "lower"] | None
-    """Which values are better; None if neither."""
-    definition: str
-    """One sentence, with its source."""
-    value: Callable[[TrialRecord], float]
-    """Computes the value of a seed from all its trials; NaN where no trial has one."""
-
-
-def metrics_of(task: str, radii: Sequence[float]) -> list[Metric]:
-    """Return all metrics that mean something in ``task``, each once.
+def metrics_of(task: str | Task, radii: Sequence[float]) -> list[Metric]:
+    """Return all metrics that mean something in ``task``, each once; of mixed trials also those of each condition.
 
     Args:
-        task: id of the task.
+        task: a task, or the name of one of those there are.
         radii: goal radii (m) at which the metrics of a goal are wanted.
 
     Raises:
         UserError: the task does not exist.
     """
-    check_choice("task", task, TASK_SPECS)
+    known = _known(task)
     at_radii = [metric.at(radius) for metric in _GOAL_METRICS.values() for radius in radii]
     by_name = {metric.name: metric for metric in (*at_radii, *_TRIAL_METRICS.values())}
-    return [metric for metric in by_name.values() if task in metric.tasks]
+    plain = [metric for metric in by_name.values() if means_something(metric, known)]
+    return plain + [metric.within(condition) for condition in known.mixes for metric in plain]
+
+
+def means_something(metric: Metric, task: str | Task) -> bool:
+    """Return whether a task has what a metric needs. Raises UserError if the task does not exist."""
+    known = _known(task)
+    return {_KINDS[known.judged_by], *known.features}.issuperset(metric.needs)
 
 
 def find_metric(name: str) -> Metric:
@@ -69,6 +58,9 @@ def find_metric(name: str) -> Metric:
     Raises:
         UserError: there is no such metric; the message names those there are.
     """
+    plain, _, condition = name.rpartition(IN)
+    if condition in CONDITIONS and plain:
+        return find_metric(plain).within(condition)
     if name in _TRIAL_METRICS:
         return _TRIAL_METRICS[name]
     goal = re.fullmatch(r"(\w+)_(\d{1,99}(?:\.\d{1,99})?)cm", name)
@@ -77,7 +69,8 @@ def find_metric(name: str) -> Metric:
     with_radius = ", ".join(f"{start}_<radius>cm" for start in _GOAL_METRICS)
     raise UserError(
         f"Unknown metric {name!r}; choose from {', '.join(_TRIAL_METRICS)}, or with the goal's radius, as in "
-        f"goal_completion_5cm, from {with_radius}."
+        f"goal_completion_5cm, from {with_radius}; of trials in one condition alone, as in final_error_in_null, with "
+        f"{', '.join(IN + condition for condition in CONDITIONS)}."
     )
 
 
@@ -89,16 +82,33 @@ def metric_name(start: str, radius: float) -> str:
     return f"{start}_{in_centimeters(radius)}cm" if start in _GOAL_METRICS else start
 
 
-def preferred_metric(task: str, radius: float) -> str:
-    """Return the name of what the paper judges ``task`` by (section 7), at a goal of ``radius`` (m).
+def preferred_metric(task: str | Task, radius: float) -> str:
+    """Return the name of what a task is judged by, at a goal of ``radius`` (m).
 
-    That is the share of completed reaches, or the time in the goal in a hold.
+    That is the share of completed reaches, or the time in the goal in a hold, as the paper judges its own (section 7).
+    Where trials are mixed it is that of the field's trials, or of those without a field or channel.
 
     Raises:
         UserError: the task does not exist.
     """
-    check_choice("task", task, TASK_SPECS)
-    return metric_name(TASK_SPECS[task].judged_by, radius)
+    known = _known(task)
+    name = metric_name(known.judged_by, radius)
+    return f"{name}{IN}{known.mixes[0]}" if known.mixes else name
+
+
+def preferred_among(names: Iterable[str], radius: float) -> str:
+    """Return the one of several metrics that :func:`preferred_metric` would name for their task, which is not known.
+
+    Raises:
+        UserError: there is none among them.
+    """
+    there = list(names)
+    for start in _KINDS:
+        name = metric_name(start, radius)
+        for candidate in (f"{name}{IN}field", f"{name}{IN}null", name):
+            if candidate in there:
+                return candidate
+    raise UserError(f"None of the metrics says how well the task is done at {in_centimeters(radius)} cm: name one.")
 
 
 def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
@@ -106,57 +116,55 @@ def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
     return {metric.name: metric.value(record) for metric in metrics}
 
 
-def _mean(values: ArrayLike, scale: float = 1.0) -> float:
-    """``scale`` times the mean of the values that are not NaN; NaN where all are."""
-    numbers = np.asarray(values, dtype=np.float64)
-    numbers = numbers[~np.isnan(numbers)]
-    return scale * float(numbers.mean()) if len(numbers) else float("nan")
+def _known(task: str | Task) -> Task:
+    try:
+        return make_task(task)
+    except ValueError as error:
+        raise UserError(str(error)) from None
 
 
-@dataclass(frozen=True)
-class _GoalMetric:
-    """A field of :class:`~bilateral_rl.envs.measures.TrialMeasures`, averaged: a metric at each radius of the goal."""
+def _of_measures(name: str, record: TrialRecord, radius: float) -> ArrayLike:
+    """Return a field of :class:`~bilateral_rl.envs.measures.TrialMeasures` of the trials that have a cue."""
+    values: ArrayLike = getattr(cued(record).measures(radius), name)
+    return values
 
-    field: str
-    label: str
-    unit: str
-    scale: float
-    tasks: tuple[str, ...]
-    definition: str
-    better: Literal["higher", "lower"] = "higher"
 
-    def at(self, radius: float) -> Metric:
-        """Return the metric at a goal of ``radius`` (m), as exact as its name says it."""
-        centimeters = in_centimeters(radius)
-        named_radius = from_centimeters(centimeters)
-
-        def value(record: TrialRecord) -> float:
-            measures = trial_measures(record.distance, record.start_distance, named_radius)
-            return _mean(getattr(measures, self.field), self.scale)
-
-        name, label = f"{self.field}_{centimeters}cm", f"{self.label} {centimeters} cm"
-        return Metric(name, label, self.unit, self.tasks, self.better, self.definition, value)
+def _goal_metric(
+    name: str, label: str, unit: str, scale: float, needs: tuple[str, ...], definition: str, better: Better = "higher"
+) -> GoalMetric:
+    return GoalMetric(name, label, unit, scale, needs, definition, functools.partial(_of_measures, name), better)
 
 
 # fmt: off
-_GOAL_METRICS: dict[str, _GoalMetric] = {metric.field: metric for metric in (
-    _GoalMetric("goal_completion", "Goal completion within", "%", 100, _REACH,
-                "Share of trials whose hand comes within the goal's radius of the target and stays for three "
-                "consecutive steps (paper section 3)."),
-    _GoalMetric("speed_to_goal", "Speed to goal of", "cm/step", 100, _REACH,
-                "Distance from start to target over the steps until the goal is reached, in the trials that complete "
-                "it (paper section 3)."),
-    _GoalMetric("speed_to_third_step", "Speed to the third step within", "cm/step", 100, _REACH,
-                "Distance from start to target over the steps until the third one within the goal, in the trials that "
-                "complete it (paper section 3, which does not say at which of the three steps the goal is reached)."),
-    _GoalMetric("time_to_goal", "Time to goal of", "steps", 1, _REACH,
-                "Steps until the goal is reached, all of the trial's where it is not: the restricted mean time, which "
-                "no choice of trials biases (Royston & Parmar 2013, doi:10.1186/1471-2288-13-152).", "lower"),
-    _GoalMetric("time_in_goal", "Time within", "steps", 1, _BOTH,
-                "Steps after which the hand is within the goal's radius of the target (paper section 3)."),
+_GOAL_METRICS: dict[str, GoalMetric] = {metric.start: metric for metric in (
+    _goal_metric("goal_completion", "Goal completion within", "%", 100, _REACH,
+                 "Share of trials whose hand comes within the goal's radius of the target and stays for three "
+                 "consecutive steps (paper section 3)."),
+    _goal_metric("speed_to_goal", "Speed to goal of", "cm/step", 100, _REACH,
+                 "Distance from start to target over the steps until the goal is reached, in the trials that complete "
+                 "it (paper section 3)."),
+    _goal_metric("speed_to_third_step", "Speed to the third step within", "cm/step", 100, _REACH,
+                 "Distance from start to target over the steps until the third one within the goal, in the trials that "
+                 "complete it (paper section 3, which does not say at which of the three steps the goal is reached)."),
+    _goal_metric("time_to_goal", "Time to goal of", "steps", 1, _REACH,
+                 "Steps until the goal is reached, all of the trial's where it is not: the restricted mean time, which "
+                 "no choice of trials biases (Royston & Parmar 2013, doi:10.1186/1471-2288-13-152).", "lower"),
+    _goal_metric("time_in_goal", "Time within", "steps", 1, _BOTH,
+                 "Steps after which the hand is within the goal's radius of the target (paper section 3)."),
+    *experiment_metrics.GOAL_METRICS,
 )}
 # fmt: on
 """Metrics of a goal, by the start of their names."""
+
+
+def _reach_metric(
+    name: str, label: str, unit: str, needs: tuple[str, ...], better: Better, definition: str,
+    of_reaches: Callable[[TrialRecord], ArrayLike], scale: float = 1.0,
+) -> Metric:  # fmt: skip
+    """Return the mean over the trials, each from its onset on."""
+    return Metric(
+        name, label, unit, needs, better, definition, lambda record: mean(over_reaches(record, of_reaches), scale)
+    )
 
 
 def _speed(record: TrialRecord) -> NDArray[np.float64]:
@@ -167,60 +175,61 @@ def _speed(record: TrialRecord) -> NDArray[np.float64]:
 _TRIAL_METRICS: dict[str, Metric] = {metric.name: metric for metric in (
     Metric("final_error", "Final error", "cm", _BOTH, "lower",
            "Distance from hand to target after the last step (paper section 3).",
-           lambda record: _mean(record.distance[:, -1], 100)),
+           lambda record: mean(cued(record).distance[:, -1], 100)),
     Metric("end_point_variability", "End-point variability", "cm", _BOTH, "lower",
            "Root mean squared distance of the trials' end-point errors from their mean, the bivariate variable error "
            "(Hancock et al. 1995, doi:10.1080/00222895.1995.9941714).",
-           lambda record: 100 * kinematics.end_point_variability(record.hand, record.target)),
-    Metric("path_length_ratio", "Path length ratio", "", _REACH, "lower",
-           "Length of the hand's path over the straight distance from start to target; 1 is straight, less fell short "
-           "(Coderre et al. 2010, doi:10.1177/1545968309356091).",
-           lambda record: _mean(kinematics.path_length_ratio(record.hand, record.target))),
-    Metric("perpendicular_deviation", "Maximal perpendicular deviation", "cm", _REACH, "lower",
-           "Largest distance of the hand from the line through start and target "
-           "(Atkeson & Hollerbach 1985, doi:10.1523/JNEUROSCI.05-09-02318.1985).",
-           lambda record: _mean(kinematics.perpendicular_deviation(record.hand, record.target), 100)),
-    Metric("initial_direction_error", "Initial direction error", "deg", _REACH, "lower",
-           "Angle between the directions from the start to the target and to the hand at peak speed "
-           "(Krakauer et al. 2000, doi:10.1523/JNEUROSCI.20-23-08916.2000).",
-           lambda record: _mean(np.degrees(kinematics.initial_direction_error(record.hand, record.target)))),
-    Metric("peak_speed", "Peak hand speed", "cm/s", _REACH, None,
-           "Speed of the hand in its fastest step (Coderre et al. 2010, doi:10.1177/1545968309356091).",
-           lambda record: _mean(kinematics.peak_speed(record.hand, record.arm.timestep), 100)),
-    Metric("time_to_peak_speed", "Time to peak hand speed", "ms", _REACH, None,
-           "Time from the start of the trial to the middle of the hand's fastest step "
-           "(Messier & Kalaska 1999, doi:10.1007/s002210050669).",
-           lambda record: _mean(kinematics.time_to_peak_speed(record.hand, record.arm.timestep), 1000)),
-    Metric("sparc", "Smoothness (SPARC)", "", _REACH, "higher",
-           "Spectral arc length of the hand's speed over the whole trial "
-           "(Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).",
-           lambda record: _mean(smoothness.sparc(_speed(record), record.arm.timestep))),
-    Metric("ldlj", "Smoothness (LDLJ)", "", _REACH, "higher",
-           "Log dimensionless jerk of the hand's speed over the whole trial "
-           "(Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).",
-           lambda record: _mean(smoothness.ldlj(_speed(record), record.arm.timestep))),
-    Metric("hold_rms_error", "RMS error in hold", "cm", _HOLD, "lower",
-           "Root mean squared distance from hand to target after each step, from the first to the last (ours).",
-           lambda record: _mean(kinematics.rms_error(record.hand, record.target), 100)),
-    Metric("hold_speed", "Hand speed in hold", "cm/s", _HOLD, "lower",
-           "Mean speed of the hand over all steps, the posture speed "
-           "(Coderre et al. 2010, doi:10.1177/1545968309356091).",
-           lambda record: _mean(kinematics.mean_speed(record.hand, record.arm.timestep), 100)),
+           lambda record: 100 * kinematics.end_point_variability(cued(record).hand, cued(record).target)),
+    _reach_metric("path_length_ratio", "Path length ratio", "", _REACH, "lower",
+                  "Length of the hand's path over the straight distance from start to target; 1 is straight, less "
+                  "fell short (Coderre et al. 2010, doi:10.1177/1545968309356091).",
+                  lambda record: kinematics.path_length_ratio(record.hand, record.target)),
+    _reach_metric("perpendicular_deviation", "Maximal perpendicular deviation", "cm", _REACH, "lower",
+                  "Largest distance of the hand from the line through start and target "
+                  "(Atkeson & Hollerbach 1985, doi:10.1523/JNEUROSCI.05-09-02318.1985).",
+                  lambda record: kinematics.perpendicular_deviation(record.hand, record.target), 100),
+    _reach_metric("initial_direction_error", "Initial direction error", "deg", _REACH, "lower",
+                  "Angle between the directions from the start to the target and to the hand at peak speed "
+                  "(Krakauer et al. 2000, doi:10.1523/JNEUROSCI.20-23-08916.2000).",
+                  lambda record: np.degrees(kinematics.initial_direction_error(record.hand, record.target))),
+    _reach_metric("peak_speed", "Peak hand speed", "cm/s", _REACH, None,
+                  "Speed of the hand in its fastest step (Coderre et al. 2010, doi:10.1177/1545968309356091).",
+                  lambda record: kinematics.peak_speed(record.hand, record.arm.timestep), 100),
+    _reach_metric("time_to_peak_speed", "Time to peak hand speed", "ms", _REACH, None,
+                  "Time from the start of the trial to the middle of the hand's fastest step "
+                  "(Messier & Kalaska 1999, doi:10.1007/s002210050669).",
+                  lambda record: kinematics.time_to_peak_speed(record.hand, record.arm.timestep), 1000),
+    _reach_metric("sparc", "Smoothness (SPARC)", "", _REACH, "higher",
+                  "Spectral arc length of the hand's speed over the whole trial "
+                  "(Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).",
+                  lambda record: smoothness.sparc(_speed(record), record.arm.timestep)),
+    _reach_metric("ldlj", "Smoothness (LDLJ)", "", _REACH, "higher",
+                  "Log dimensionless jerk of the hand's speed over the whole trial "
+                  "(Balasubramanian et al. 2015, doi:10.1186/s12984-015-0090-9).",
+                  lambda record: smoothness.ldlj(_speed(record), record.arm.timestep)),
+    _reach_metric("hold_rms_error", "RMS error in hold", "cm", _HOLD, "lower",
+                  "Root mean squared distance from hand to target after each step, from the first to the last (ours).",
+                  lambda record: kinematics.rms_error(record.hand, record.target), 100),
+    _reach_metric("hold_speed", "Hand speed in hold", "cm/s", _HOLD, "lower",
+                  "Mean speed of the hand over all steps, the posture speed "
+                  "(Coderre et al. 2010, doi:10.1177/1545968309356091).",
+                  lambda record: kinematics.mean_speed(record.hand, record.arm.timestep), 100),
     Metric("effort", "Effort", "s", _BOTH, "lower",
            "Integral over the trial of the sum of the muscles' squared excitations "
            "(Pedotti et al. 1978, doi:10.1016/0025-5564(78)90018-4).",
-           lambda record: _mean(kinematics.effort(record.excitation, record.arm.timestep))),
+           lambda record: mean(kinematics.effort(record.excitation, record.arm.timestep))),
     Metric("force_effort", "Effort scaled by maximal force", "s", _BOTH, "lower",
            "Integral over the trial of the sum of squares of the excitations, each times its muscle's maximal "
            "force over the mean maximal force "
            "(Pedotti et al. 1978, doi:10.1016/0025-5564(78)90018-4).",
-           lambda record: _mean(kinematics.force_effort(
+           lambda record: mean(kinematics.force_effort(
                record.excitation, record.arm.max_isometric_force, record.arm.timestep))),
     Metric("return_dominant", "Return of the dominant reward", "", _BOTH, "higher",
            "Sum of the rewards that stand for the dominant loss (paper section 4).",
-           lambda record: _mean(record.vector_return[:, 0])),
+           lambda record: mean(record.vector_return[:, 0])),
     Metric("return_non_dominant", "Return of the non-dominant reward", "", _BOTH, "higher",
            "Sum of the rewards that stand for the non-dominant loss (paper section 4).",
-           lambda record: _mean(record.vector_return[:, 1])),
+           lambda record: mean(record.vector_return[:, 1])),
+    *experiment_metrics.TRIAL_METRICS,
 )}
 # fmt: on

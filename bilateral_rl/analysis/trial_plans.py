@@ -23,6 +23,8 @@ channel; no go cue comes; the target jumps; a pulse comes."""
 class TrialPlan:
     """Of ``n`` trials; steps count from 0, and ``NEVER`` stands for one that does not come."""
 
+    start: Float32
+    """(n, 2): hand position at the start (m)."""
     goal: Float32
     """(n, 2): hand position of the goal, the target from the go cue on until it jumps (m)."""
     go: Int32
@@ -31,6 +33,8 @@ class TrialPlan:
     """(n,): step from which on the target is another one."""
     pulse: Int32
     """(n, 2): first step of the pulse, and first step after it; ``NEVER`` twice where there is none."""
+    pulse_force: Float32
+    """(n, 2): force of the pulse (N); 0 where there is none."""
     condition: NDArray[np.str_]
     """(n,): one of :data:`CONDITIONS`, or several joined by "+" as in "field+jump"; "null" stands alone."""
     target_index: Int32
@@ -62,21 +66,24 @@ def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings) -> Tri
     n, length = len(trials.start), settings.trial_length
     start, goal = (hand_position(angles, settings.arm) for angles in (trials.start, trials.goal))
     go, jump = np.zeros(n, dtype=np.int32), np.full(n, NEVER, dtype=np.int32)
-    pulse = np.full((n, 2), NEVER, dtype=np.int32)
+    pulse, pulse_force = np.full((n, 2), NEVER, dtype=np.int32), np.zeros((n, 2), dtype=np.float32)
     if trials.timeline is not None:
         go, jump = (_coming(steps, length) for steps in (trials.timeline.go, trials.timeline.jump))
     if trials.forces is not None:
         window = np.minimum(trials.forces.pulse_window, length)
         pushes = trials.forces.pulse.any(axis=1) & (window[:, 0] < window[:, 1])
         pulse = np.where(pushes[:, None], window, NEVER).astype(np.int32)
+        pulse_force = np.where(pushes[:, None], trials.forces.pulse, 0).astype(np.float32)
     along = goal - start
     apart = np.linalg.norm(along, axis=1) > 0
     angle = np.where(apart, np.arctan2(along[:, 1], along[:, 0]), np.nan)
     return TrialPlan(
+        start=start.astype(np.float32),
         goal=goal.astype(np.float32),
         go=go,
         jump=jump,
         pulse=pulse,
+        pulse_force=pulse_force,
         condition=_conditions(trials, go, jump, pulse),
         target_index=target_index,
         target_angle=angle.astype(np.float32),

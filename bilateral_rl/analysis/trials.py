@@ -19,7 +19,7 @@ from bilateral_rl.analysis.recording_fields import FIELD_FORCE, MEASURED, SEEN_T
 from bilateral_rl.analysis.trial_plans import TrialPlan, plan_of
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
-from bilateral_rl.envs.measures import trial_measures
+from bilateral_rl.envs.measures import TrialMeasures, trial_measures
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
@@ -70,17 +70,26 @@ class TrialRecord:
     arm: ArmParameters
     """The arm that moved; ``arm.timestep`` is the length of a step (s)."""
 
+    def measures(self, radius: float, rows: slice | NDArray[np.bool_] = slice(None)) -> TrialMeasures:
+        """Return the measures of the trials, or of some ``rows`` of them, at a goal of ``radius`` (m)."""
+        onset = np.minimum(self.plan.onset, self.distance.shape[1])[rows]
+        return trial_measures(self.distance[rows], self.start_distance[rows], radius, onset)
+
     def summary(self, radius: float) -> dict[str, float]:
-        """Return means over the trials at a goal of ``radius`` (m), in people's units: percent, cm, steps."""
+        """Return means over the trials at a goal of ``radius`` (m), in people's units: percent, cm, steps.
+
+        Trials without a cue, which have nothing to reach for, count in the returns alone, unless none has one.
+        """
         dominant, non_dominant = self.vector_return.mean(axis=0)
-        return trial_measures(self.distance, self.start_distance, radius).means() | {
+        comes = self.plan.onset < self.distance.shape[1]
+        return self.measures(radius, comes if comes.any() else slice(None)).means() | {
             "return_dominant": float(dominant),
             "return_non_dominant": float(non_dominant),
         }
 
     def table(self, radius: float) -> pd.DataFrame:
         """Return a table with a row a trial, at a goal of ``radius`` (m), in SI units."""
-        measures = trial_measures(self.distance, self.start_distance, radius)
+        measures = self.measures(radius)
         columns: dict[str, Any] = {
             "trial": np.arange(len(self.target)),
             "threshold_m": radius,

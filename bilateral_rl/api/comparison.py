@@ -13,7 +13,8 @@ from pathlib import Path
 import pandas as pd
 
 from bilateral_rl.analysis import comparison as statistics
-from bilateral_rl.analysis.metrics import Metric, find_metric, measure, preferred_metric
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import find_metric, means_something, measure, preferred_metric
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS, State, protocol_words, protocols_in, treatment
 from bilateral_rl.analysis.trials import Evaluator
@@ -154,7 +155,7 @@ def compare(
 def _metrics(requested: Sequence[str] | None, task: str, radius: float) -> list[Metric]:
     metrics = [find_metric(name) for name in requested or [preferred_metric(task, radius)]]
     for metric in metrics:
-        if task not in metric.tasks:
+        if not means_something(metric, task):
             raise UserError(f"{metric.name} means nothing in {task}; leave it out of --metric.")
     return metrics
 

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from bilateral_rl.analysis.metrics import Metric
+from bilateral_rl.analysis.metric import Metric
 from bilateral_rl.api.checks import SeedsLike, as_path, check_tests, seeds_text, settings_by_name, whole
 from bilateral_rl.api.jobs import notes_on, run_jobs
 from bilateral_rl.api.notes import tell

@@ -9,7 +9,8 @@ import pandas as pd
 
 from bilateral_rl.analysis.floor import above_control
 from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.metrics import Metric, find_metric, metric_name, preferred_metric
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import find_metric, metric_name, preferred_metric
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.analysis.samples import finite

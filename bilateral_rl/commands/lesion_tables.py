@@ -12,7 +12,7 @@ from rich.table import Table
 from bilateral_rl.analysis.depth import deep_minus_shallow
 from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
 from bilateral_rl.analysis.formats import decimals_for, fixed, mean_sd, p_value
-from bilateral_rl.analysis.metrics import Metric
+from bilateral_rl.analysis.metric import Metric
 from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
 from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
 from bilateral_rl.figures.labels import with_unit

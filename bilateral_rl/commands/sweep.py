@@ -12,7 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.api.sweeping import RESULTS, nothing_done, run_sweep
 from bilateral_rl.commands.jobs import ending_if_stopped, print_failures, print_unsourced
 from bilateral_rl.config.parse import parse_overrides

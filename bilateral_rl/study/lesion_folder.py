@@ -15,7 +15,8 @@ from typing import Any
 import pandas as pd
 from torch.utils.tensorboard import SummaryWriter
 
-from bilateral_rl.analysis.metrics import Metric, find_metric, preferred_metric
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import FRESH, protocols_in, read_results
 from bilateral_rl.config.parse import build, plain

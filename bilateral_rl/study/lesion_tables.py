@@ -13,7 +13,7 @@ from bilateral_rl.analysis.depth import deep_minus_shallow
 from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
 from bilateral_rl.analysis.formats import fixed, mean_sd, number, p_value
 from bilateral_rl.analysis.intervals import Interval, mean_interval
-from bilateral_rl.analysis.metrics import Metric
+from bilateral_rl.analysis.metric import Metric
 from bilateral_rl.analysis.results import State, by_seed, protocol_words, protocols_in
 from bilateral_rl.analysis.specialization import specialization_by_seed
 from bilateral_rl.figures.labels import model_label, task_label, with_unit

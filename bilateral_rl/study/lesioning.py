@@ -10,7 +10,8 @@ import torch
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.analysis.goals import STUDY_RADII, distinct_radii
-from bilateral_rl.analysis.metrics import Metric, measure, metrics_of
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import measure, metrics_of
 from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import COLUMNS, FRESH, TRAINED, treatment
 from bilateral_rl.analysis.trials import Evaluator

@@ -13,7 +13,8 @@ from typing import Any
 import jinja2
 import yaml
 
-from bilateral_rl.analysis.metrics import Metric, metrics_of
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.claims import Claim, Judgement, margins
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.schema import TrainConfig

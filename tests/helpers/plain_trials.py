@@ -10,10 +10,12 @@ def plain_plan(start, goal) -> TrialPlan:
     """Return the plan of trials whose targets (n, 2) are there from the start (n, 2)."""
     n, along = len(goal), np.asarray(goal, dtype=np.float32) - start
     return TrialPlan(
+        start=np.asarray(start, dtype=np.float32),
         goal=np.asarray(goal, dtype=np.float32),
         go=np.zeros(n, dtype=np.int32),
         jump=np.full(n, NEVER, dtype=np.int32),
         pulse=np.full((n, 2), NEVER, dtype=np.int32),
+        pulse_force=np.zeros((n, 2), dtype=np.float32),
         condition=np.full(n, "null"),
         target_index=np.full(n, -1, dtype=np.int32),
         target_angle=np.where(along.any(axis=1), np.arctan2(along[:, 1], along[:, 0]), np.nan).astype(np.float32),

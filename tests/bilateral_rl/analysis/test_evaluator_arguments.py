@@ -42,7 +42,7 @@ def test_every_argument_shows(policy):
         ({"seed": -1}, "seed must be at least 0"),
         ({"seed": "a"}, "seed must be a whole number"),
         ({"settings": {"trial_length": 3}}, "TrialSettings"),
-        ({"task": "reach"}, "unknown task 'reach'"),
+        ({"task": "reach"}, "[Uu]nknown task 'reach'"),
     ],
 )
 def test_what_it_cannot_do_is_refused(arguments, message):

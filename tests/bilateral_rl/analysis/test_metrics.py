@@ -181,7 +181,7 @@ def test_every_metric_of_a_task_is_found_by_its_name_and_measures_the_same(rando
         metrics = metrics_of(task, RADII)
         found = [find_metric(metric.name) for metric in metrics]
         for one, other in zip(metrics, found, strict=True):
-            assert (one.name, one.label, one.unit, one.tasks) == (other.name, other.label, other.unit, other.tasks)
+            assert (one.name, one.label, one.unit, one.needs) == (other.name, other.label, other.unit, other.needs)
         assert measure(random_record, metrics) == pytest.approx(measure(random_record, found), nan_ok=True)
         assert list(measure(random_record, metrics)) == [metric.name for metric in metrics]
 
