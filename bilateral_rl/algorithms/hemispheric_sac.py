@@ -29,8 +29,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. The optimizers
     are Adam with its fused kernel.
 
-    The arguments are those of SB3's ``SAC``, with its defaults, and nine more, from ``loss`` to
-    ``normalize_streams``.
+    The arguments are those of SB3's ``SAC``, with its defaults, and ten more, from ``loss`` to
+    ``policy_delay``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -55,6 +55,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             that of the first one, "first". Targets are always the smallest. By default as in SB3: "min".
         normalize_streams: whether each stream's gradient is divided by the running root mean square of ‖∂Q/∂a‖, so
             that what is shared follows no stream just because its rewards are larger.
+        policy_delay: updates of the critics for one of the network and the temperature. A network that follows critics
+            more slowly lets its sides push less against each other before the critics know what that is good for.
         learning_rate: Adam's learning rate for network, critics and temperature, a number or a function of the
             remaining progress (1 to 0).
         buffer_size: steps that the replay buffer holds, over all environments.
@@ -94,6 +96,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = dict(SAC_ALIASES)
     policy: BilateralSACPolicy
     actor_value = "min"  # of models that were saved before there was a choice
+    policy_delay = 1  # likewise
     _CRITIC_LOSS = 0.5
 
     def __init__(
@@ -110,6 +113,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         standardize_inputs: bool = False,
         actor_value: ActorValue = "min",
         normalize_streams: bool = False,
+        policy_delay: int = 1,
         learning_rate: float | Schedule = 3e-4,
         buffer_size: int = 1_000_000,
         learning_starts: int = 100,
@@ -139,6 +143,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     ) -> None:
         if target_entropy != "auto" and not str(ent_coef).startswith("auto"):
             raise ValueError(f"target_entropy has no effect on a temperature that is given, ent_coef={ent_coef}.")
+        self.policy_delay = policy_delay
         super().__init__(
             policy,
             env,
@@ -207,7 +212,9 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
 
     def _update(self, batch: StreamSamples, log: Log) -> None:
         actor = self.policy.actor
-        actions, log_prob = actor.action_log_prob(batch.observations)  # (b, n_actions), (b,)
+        is_due = self._n_updates % self.policy_delay == 0
+        if is_due:
+            actions, log_prob = actor.action_log_prob(batch.observations)  # (b, n_actions), (b,)
         ent_coef = self._temperature()
         with torch.no_grad():
             # V_s(o') = min over the stream's target critics of Q'_s(o', a') - α log π(a'), a' a fresh sample.
@@ -215,14 +222,15 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             next_values = self._next_values(batch, next_actions)
             next_values -= ent_coef * next_log_prob[:, None]  # (b, n_streams)
         self._update_critics(batch, next_values, log)
-        # Loss of stream s: mean(α log π(a) - Q_s(o, a)), through the sampled action. Both streams have the whole
-        # entropy term: a hemisphere follows one stream, and what is shared half of each.
-        losses = self._actor_losses(batch, actions, log, (ent_coef * log_prob).mean())  # (n_streams,)
-        log["train/ent_coef"].append(ent_coef.squeeze())
-        log["train/entropy"].append(-log_prob.detach().mean())
-        log["train/std"].append(actor.log_std.detach().exp().mean())
-        losses = losses + self._temperature_loss(log_prob.detach())
-        self._update_network(losses, self._temperature_optimizers())
+        if is_due:
+            # Loss of stream s: mean(α log π(a) - Q_s(o, a)), through the sampled action. Both streams have the whole
+            # entropy term: a hemisphere follows one stream, and what is shared half of each.
+            losses = self._actor_losses(batch, actions, log, (ent_coef * log_prob).mean())  # (n_streams,)
+            log["train/ent_coef"].append(ent_coef.squeeze())
+            log["train/entropy"].append(-log_prob.detach().mean())
+            log["train/std"].append(actor.log_std.detach().exp().mean())
+            losses = losses + self._temperature_loss(log_prob.detach())
+            self._update_network(losses, self._temperature_optimizers())
         if self._n_updates % self.target_update_interval == 0:
             self._follow(self.critic, self.critic_target)
             polyak_update(self.batch_norm_stats, self.batch_norm_stats_target, 1.0)

@@ -10,7 +10,7 @@ from collections.abc import Container
 
 from stable_baselines3.common.save_util import open_path
 
-_TELLING = {"clip_range": "PPO", "target_entropy": "SAC", "policy_delay": "TD3"}
+_TELLING = {"clip_range": "PPO", "target_entropy": "SAC", "target_policy_noise": "TD3"}
 """An attribute that every model of an algorithm has, and no model of the others; A2C has none of them."""
 
 

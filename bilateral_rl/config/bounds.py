@@ -18,7 +18,6 @@ from bilateral_rl.config.hyperparameters import (
     BPTTHyperparameters,
     OffPolicyHyperparameters,
     OnPolicyHyperparameters,
-    TD3Hyperparameters,
 )
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
@@ -78,7 +77,7 @@ def check_updates(config: TrainConfig) -> None:
             f"There would be no update: {algo}.learning_starts is {chosen.learning_starts:,} of {config.timesteps:,} "
             "timesteps. Give fewer of the former or more of the latter."
         )
-    delay = chosen.policy_delay if isinstance(chosen, TD3Hyperparameters) else 1
+    delay = chosen.policy_delay
     if updates // delay <= chosen.critic_warm_up // delay:
         besides = f" with {algo}.policy_delay {delay}" if delay > 1 else ""
         raise UserError(

@@ -117,6 +117,8 @@ class OffPolicyHyperparameters(StreamHyperparameters):
     """Updates at a time (updates)."""
     critic_warm_up: CountOrNone = 0
     """Updates of the critics before the first of the network (updates)."""
+    policy_delay: Count = 1
+    """Updates of the critics for one of the network (updates)."""
     n_critics: Annotated[Whole, Field(ge=1, le=10)] = 2
     """Critics of each reward stream; targets are the smallest value."""
     standardize_inputs: Flag = False
@@ -148,7 +150,7 @@ class TD3Hyperparameters(OffPolicyHyperparameters):
     action_noise: NotNegative = 0.1
     """Standard deviation of the exploration, added to actions in [-1, 1]."""
     policy_delay: Count = 2
-    """Updates of the critics for one of the network."""
+    """Updates of the critics for one of the network and of all targets (updates)."""
     target_policy_noise: Positive = 0.2
     """Standard deviation of the noise on the actions whose value is the target."""
     target_noise_clip: Positive = 0.5

@@ -111,6 +111,8 @@ def _stock(values: dict[str, Any]) -> dict[str, Any]:
     """``values`` without the arguments of hemispheric algorithms alone.
 
     The entropy bonus of stock PPO and A2C goes too: their estimate for a squashed Gaussian has no expected gradient.
+    And of SAC and TD3 only the latter has a delay.
     """
     left_out = _ONLY_HEMISPHERIC | ({"ent_coef"} if "gae_lambda" in values else set())
+    left_out |= {"policy_delay"} if "target_entropy" in values else set()
     return {key: value for key, value in values.items() if key not in left_out}

@@ -46,6 +46,7 @@ def _off_policy(trial: optuna.Trial) -> None:
     trial.suggest_categorical("standardize_inputs", [False, True])
     trial.suggest_categorical("actor_value", ["min", "mean", "first"])
     trial.suggest_categorical("normalize_streams", [False, True])
+    trial.suggest_categorical("policy_delay", [1, 2, 4])
 
 
 def _ppo(trial: optuna.Trial) -> None:
@@ -64,7 +65,6 @@ def _a2c(trial: optuna.Trial) -> None:
 def _td3(trial: optuna.Trial) -> None:
     _off_policy(trial)
     trial.suggest_float("noise_std", 0.02, 0.5)
-    trial.suggest_categorical("policy_delay", [1, 2, 4])
 
 
 _SPACES: dict[str, Callable[[optuna.Trial], None]] = {

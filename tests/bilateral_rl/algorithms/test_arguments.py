@@ -67,7 +67,7 @@ SHOWS = {
     "replay_buffer_kwargs": {"handle_timeout_termination": False},
     "target_update_interval": 2,
     "target_entropy": -1.0,
-    "policy_delay": 1,
+    "policy_delay": {HemisphericSAC: 2, HemisphericTD3: 1},
     "target_policy_noise": 0.5,
     "target_noise_clip": 0.01,
 }

@@ -166,6 +166,22 @@ def test_td3s_network_and_targets_move_every_policy_delay_updates_of_the_critics
 
 
 @pytest.mark.parametrize("gradient_steps", [1, 7])
+def test_sacs_network_and_temperature_move_every_policy_delay_updates_and_its_targets_with_the_critics(gradient_steps):
+    model = collect(make_model(HemisphericSAC, policy_delay=3))
+    actor, critic = (count_steps(optimizer) for optimizer in optimizers(model)[:2])
+    temperature = count_steps(model.ent_coef_optimizer)
+    for _ in range(7 // gradient_steps):
+        before, log_ent_coef = weights(model), model.log_ent_coef.item()
+        model.train(gradient_steps, 20)
+        moves = {name for name, value in weights(model).items() if not torch.equal(value, before[name])}
+        due = gradient_steps == 7 or model._n_updates % 3 == 0
+        assert (model.log_ent_coef.item() != log_ent_coef) == due
+        for kind, moved in (("critic.", True), ("critic_target.", True), ("actor.", due)):
+            assert any(name.startswith(kind) for name in moves) == moved
+    assert (len(actor), len(critic), len(temperature)) == (2, 7, 2)
+
+
+@pytest.mark.parametrize("gradient_steps", [1, 7])
 def test_sacs_targets_move_every_target_update_interval_updates(gradient_steps):
     model = collect(make_model(HemisphericSAC, target_update_interval=3))
     follow, followed = model._follow, []

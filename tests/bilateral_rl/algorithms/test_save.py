@@ -26,7 +26,9 @@ OFF = {"tau": 0.1, "gradient_steps": 2, "learning_starts": 30, "batch_size": 30,
 SETTINGS = {
     HemisphericPPO: COMMON | ON | {"target_kl": 5.0, "normalize_advantage": False, "n_epochs": 2},
     HemisphericA2C: COMMON | ON | {"normalize_advantage": True},
-    HemisphericSAC: COMMON | OFF | {"ent_coef": "auto_0.3", "target_entropy": -2.5, "target_update_interval": 2},
+    HemisphericSAC: COMMON
+    | OFF
+    | {"ent_coef": "auto_0.3", "target_entropy": -2.5, "target_update_interval": 2, "policy_delay": 2},
     HemisphericTD3: COMMON | OFF | {"policy_delay": 2, "target_policy_noise": 0.3, "target_noise_clip": 0.4},
 }
 

@@ -195,6 +195,7 @@ BAD_HYPERPARAMETERS = [
     (OFF_POLICY, "gradient_steps", (0, -1)),
     (OFF_POLICY, "n_critics", (0, 11)),
     (OFF_POLICY, "critic_warm_up", (-1,)),
+    (OFF_POLICY, "policy_delay", (0, 1.5)),
     (OFF_POLICY, "standardize_inputs", (1, "yes")),
     (OFF_POLICY, "actor_value", ("max", 1)),
     (OFF_POLICY, "normalize_streams", (1, None)),
@@ -202,7 +203,6 @@ BAD_HYPERPARAMETERS = [
     (("sac",), "initial_ent_coef", (0,)),
     (("sac",), "target_entropy", ("auto", float("nan"))),
     (("td3",), "action_noise", (-0.1,)),
-    (("td3",), "policy_delay", (0,)),
     (("td3",), "target_policy_noise", (0,)),
     (("td3",), "target_noise_clip", (0,)),
 ]
