@@ -105,9 +105,14 @@ def stream_names(loss: Loss) -> tuple[str, ...]:
     return SIDES if loss == "specialized" else (loss,)
 
 
-def stream_penalties(loss: Loss) -> tuple[float, ...]:
-    """Return the weight of the weight penalty in each stream of ``loss``."""
-    by_side = [LOSS_WEIGHTS[side].penalty for side in SIDES]
+def stream_penalties(loss: Loss, by_side: Sequence[float] | None = None) -> tuple[float, ...]:
+    """Return the weight of the weight penalty in each stream of ``loss``.
+
+    Args:
+        loss: what trains the model.
+        by_side: the weights in the dominant and in the non-dominant loss; the paper's by default.
+    """
+    by_side = [LOSS_WEIGHTS[side].penalty for side in SIDES] if by_side is None else by_side
     return tuple(sum(m * w for m, w in zip(mix, by_side, strict=True)) for mix in stream_mix(loss))
 
 

@@ -8,9 +8,11 @@ from torch import Tensor
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.rollout import Rollout, TrajectoryGradients
 from bilateral_rl.bptt.rollout_arrays import RolloutSize
+from bilateral_rl.bptt.rollout_structs import n_terms
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.arm.physics import LENGTH, VELOCITY
-from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES, Loss, Penalty, stream_mix, stream_penalties
+from bilateral_rl.envs.losses import LossSettings
+from bilateral_rl.vocabulary import Loss, Penalty, stream_mix, stream_penalties
 
 _RATE_WEIGHT = 0.05
 """Weight of the mean squared rate of change in the penalties of kinds ``activity`` and ``released``."""
@@ -25,19 +27,30 @@ class StreamLosses:
         coefficient: the penalty's coefficient λ.
         layout: layout of the networks' parameters.
         arm: the arm that they move, for the units of what a penalty is taken of.
+        settings: weights of terms and penalty on both sides; the paper's by default.
 
     Attributes:
         n_streams: 2 for a specialized model, else 1.
-        term_weights: (streams, 3), weights of the means of the three terms of a step.
+        term_weights: (streams, 3), weights of the means of the terms of a step; (streams, 6) with ``FURTHER_TERMS``
+            where the settings need them.
         penalty_weights: weight of the penalty in each stream.
         weight_decay: per stream, the factor of a weight in its gradient: not 0 for a penalty of kind ``weights`` only.
     """
 
-    def __init__(self, loss: Loss, penalty: Penalty, coefficient: float, layout: Layout, arm: ArmParameters) -> None:
+    def __init__(
+        self,
+        loss: Loss,
+        penalty: Penalty,
+        coefficient: float,
+        layout: Layout,
+        arm: ArmParameters,
+        settings: LossSettings | None = None,
+    ) -> None:
         self.penalty, self.coefficient, self._layout, self._arm = penalty, coefficient, layout, arm
-        by_side = torch.tensor([LOSS_WEIGHTS[side].terms for side in SIDES])
+        settings = settings or LossSettings()
+        by_side = torch.tensor(settings.weights)[:, : n_terms(not settings.is_of_the_paper)]
         self.term_weights = torch.tensor(stream_mix(loss)) @ by_side
-        self.penalty_weights = stream_penalties(loss)
+        self.penalty_weights = stream_penalties(loss, settings.penalties)
         self.n_streams = len(self.penalty_weights)
         self.weight_decay = [w * coefficient if penalty == "weights" else 0.0 for w in self.penalty_weights]
         self._has_penalty = coefficient > 0 and any(self.penalty_weights)
@@ -59,7 +72,7 @@ class StreamLosses:
     def values(self, rollout: Rollout) -> Tensor:
         """Return the losses (streams, S) float64 of the rollout's last forward pass."""
         groups = rollout.groups()
-        means = torch.cat([rollout.terms[group].mean((1, 2), dtype=torch.float64) for group in groups])  # (S, 3)
+        means = torch.cat([rollout.terms[group].mean((1, 2), dtype=torch.float64) for group in groups])  # (S, terms)
         values = self.term_weights.to(means) @ means.t()
         if self._has_penalty:
             penalties = torch.cat([self._penalty(rollout, group) for group in groups])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -60,6 +60,7 @@ class Rollout:
         conditions: what trials, losses and senses ask for; the paper's by default.
 
     Attributes:
+        conditions: what trials, losses and senses ask for.
         weights: (S, width), the networks' parameters; write into it.
         trials: what the next :meth:`forward` does, (S, B, …) each; :meth:`load` fills it.
         noise: (S, B, T, 20), of what is sensed before a step and of the commands in it; write into it.
@@ -87,10 +88,11 @@ class Rollout:
         conditions: Conditions | None = None,
     ) -> None:
         self.layout, self.size, self.device, self.real = layout, size, device, _REAL[dtype]
-        self._workers, self._arm, self._conditions = workers or Workers(), arm, conditions or Conditions()
+        self._workers, self._arm = workers or Workers(), arm
+        self.conditions = conditions or Conditions()
         parameters = kernel_parameters(arm, self.real)  # starts Warp, which arrays need
-        kernels = rollout_kernels(self.real, layout.shape, self._conditions.features)
-        arrays = self._arrays = RolloutArrays(layout, size, self._conditions, kernels, dtype, device)
+        kernels = rollout_kernels(self.real, layout.shape, self.conditions.features)
+        arrays = self._arrays = RolloutArrays(layout, size, self.conditions, kernels, dtype, device)
         self.weights, self.trials, self.gradient = arrays.weights, arrays.trials, arrays.gradient
         self.noise, self.hidden_noise = arrays.noise, arrays.hidden_noise
         self.joint, self.muscle, self.hand, self.hidden = arrays.joint, arrays.muscle, arrays.hand, arrays.hidden
@@ -116,6 +118,10 @@ class Rollout:
             if part.shape != tensor.shape:  # a single trial would be done by all arms
                 raise ValueError(f"the rollout takes trials of shape {tuple(tensor.shape)}, got {tuple(part.shape)}.")
             tensor.copy_(part)
+
+    def share(self, jobs: list[Callable[[], Any]]) -> None:
+        """Do jobs that its trials need, by its threads."""
+        self._workers.share(jobs)
 
     def forward(self) -> None:
         """Do every trial once; fills the trajectories."""
@@ -194,7 +200,7 @@ class Rollout:
         """Record the kernel's launch once for each thread's part of the trials."""
         weights, trials, senses, *others = structs
         n_steps = self.size.n_steps
-        sizes = [self.size.n_trials, n_steps, self._conditions.counts_from(n_steps)]
+        sizes = [self.size.n_trials, n_steps, self.conditions.counts_from(n_steps)]
         return [
             wp.launch(
                 kernel,

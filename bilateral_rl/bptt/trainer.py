@@ -14,6 +14,7 @@ from bilateral_rl.bptt.conditions import Conditions
 from bilateral_rl.bptt.history import MEASURES, groups, history_columns
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
+from bilateral_rl.bptt.noise import draw_noise
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.rollout_arrays import RolloutSize
@@ -25,6 +26,7 @@ from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.threads import one_torch_thread
+from bilateral_rl.vocabulary import Loss
 
 
 @dataclass
@@ -116,7 +118,7 @@ class Trainer:
 
     def _make_stack(self) -> _Stack:
         config, settings, state, seeds = self.config, self.config.bptt, self.state, self.state.training()
-        losses = StreamLosses(self._loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
+        losses = self._losses(self._loss)
         rollout = self._rollout(losses.rollout_size(len(seeds), settings.batch_size, config.trial.trial_length))
         optimizer = StackedAdam(
             rollout,
@@ -132,6 +134,11 @@ class Trainer:
         optimizer.first.copy_(state.first[seeds])
         optimizer.second.copy_(state.second[seeds])
         return _Stack(seeds, rollout, losses, optimizer)
+
+    def _losses(self, loss: Loss) -> StreamLosses:
+        config = self.config
+        penalty, coefficient, trial = config.penalty, config.penalty_coefficient, config.trial
+        return StreamLosses(loss, penalty, coefficient, self.layout, trial.arm, trial.losses)
 
     def _rollout(self, size: RolloutSize) -> Rollout:
         config = self.config
@@ -150,12 +157,13 @@ class Trainer:
         """
         rollout, losses, optimizer = stack.rollout, stack.losses, stack.optimizer
         weights = rollout.weights  # (S, width), moved in place
-        shuffled = self._shuffled(stack.seeds)
+        shuffled, seeds = self._shuffled(stack.seeds), self._numbers(stack.seeds)
         sums = torch.zeros(len(stack.seeds), losses.n_streams + len(self._groups), dtype=torch.float64)
         failed_batch: dict[int, int] = {}
         last_good = weights.clone()
         for batch in range(self.updates_per_epoch):
             rollout.load(shuffled, first=batch * self.config.bptt.batch_size)
+            draw_noise(rollout, seeds, "training", self.state.epoch, batch)
             rollout.forward()
             values = losses.values(rollout)  # (streams, S)
             finite_loss = values.isfinite().all(0)  # (S,)
@@ -176,6 +184,10 @@ class Trainer:
             if not goes_on(batch + 1):
                 return None
         return _EpochResult(sums / self.updates_per_epoch, failed_batch, last_good.cpu())
+
+    def _numbers(self, seeds: list[int]) -> list[int]:
+        """Return the seeds themselves, from their index among all."""
+        return [self.config.all_seeds[index] for index in seeds]
 
     def _shuffled(self, seeds: list[int]) -> TrialTensors:
         """Return the epoch's trials in their order, (len(seeds), trials, …) each."""
@@ -201,10 +213,11 @@ class Trainer:
         """Return what the history holds of the validation trials, (len(seeds), columns) float64."""
         config = self.config
         loss = "combined" if self._loss == "specialized" else self._loss
-        losses = StreamLosses(loss, config.penalty, config.penalty_coefficient, self.layout, config.trial.arm)
+        losses = self._losses(loss)
         rollout = self._rollout(RolloutSize(len(seeds), config.bptt.validation_trials, config.trial.trial_length))
         rollout.weights.copy_(self.state.weights[seeds])
         rollout.load(self._validation.map(lambda tensor: tensor[seeds]))
+        draw_noise(rollout, self._numbers(seeds), "validation")
         rollout.forward()
         values = losses.values(rollout)[0].tolist()
         targets = {name: part.cpu().numpy() for name, part in rollout.targets()._asdict().items() if part is not None}

@@ -31,7 +31,9 @@ SMALLEST, LARGEST = 1e-9, 1e6
 
 _OBSERVED = 16
 """Numbers in an observation."""
-_PER_TRIAL = 16
+_NOISE = 20
+"""Normal numbers of a step, for senses and muscles."""
+_PER_TRIAL = 32
 """Numbers that set a trial, roughly."""
 
 
@@ -126,11 +128,6 @@ def _check_bptt(config: BPTTConfig) -> None:
         raise UserError(
             f"The penalty {config.penalty} looks at rates of change, so trial.trial_length must be at least 2, got 1."
         )
-    if trial.noisy or trial.feedback_delay:
-        raise UserError(
-            "BPTT goes through an arm without noise or delay: leave out trial.sensory_noise, trial.motor_noise and "
-            "trial.feedback_delay, or train with --algo ppo."
-        )
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
@@ -154,11 +151,13 @@ def _parameters(config: TrainConfig) -> Iterator[tuple[str, int]]:
 
 def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     """Yield the settings that make each of the large arrays, and roughly how many numbers it holds."""
-    steps = config.trial.trial_length + config.trial.feedback_delay
+    steps = config.trial.trial_length + max(config.trial.delays)
     supervised, seeds = BPTTHyperparameters(), 1  # any network may be retrained so after a lesion
     if isinstance(config, BPTTConfig):
         supervised, seeds = config.bptt, config.seeds
-    per_step = sum(_hidden(config)) + NUMBERS_PER_STEP
+    hidden = sum(_hidden(config))
+    per_step = hidden + NUMBERS_PER_STEP + (_NOISE if config.trial.noisy else 0)
+    per_step += hidden if config.network.hidden_noise else 0
     yield "seeds and network", seeds * _size(_hidden(config))
     yield "bptt.batch_size, seeds, trial and network", seeds * supervised.batch_size * steps * per_step
     yield "bptt.validation_trials, seeds, trial and network", seeds * supervised.validation_trials * steps * per_step

@@ -96,8 +96,6 @@ class Study:
             for task in JUDGED_RADII
             for model in self.models
         ]
-        if any(config.trial.noisy or config.trial.feedback_delay for config in configs):
-            raise UserError("After a lesion networks are retrained without noise or delay; leave both out.")
         if is_supervised(self.algo):
             return configs
         return [dataclasses.replace(config, seed=seed, seeds=1) for config in configs for seed in config.all_seeds]

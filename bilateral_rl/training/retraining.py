@@ -11,8 +11,10 @@ from torch import Tensor
 
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import FRESH
+from bilateral_rl.bptt.conditions import Conditions
 from bilateral_rl.bptt.layout import Layout, Variable
 from bilateral_rl.bptt.losses import StreamLosses
+from bilateral_rl.bptt.noise import draw_noise
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.reach import reached_weights
 from bilateral_rl.bptt.rollout import Rollout
@@ -67,9 +69,8 @@ class Retraining:
         self._layout = Layout(self._network)
         assert self.used.penalty is not None
         assert self.used.penalty_coefficient is not None
-        self._losses = StreamLosses(
-            "combined", self.used.penalty, self.used.penalty_coefficient, self._layout, config.trial.arm
-        )
+        penalty, coefficient, trial = self.used.penalty, self.used.penalty_coefficient, config.trial
+        self._losses = StreamLosses("combined", penalty, coefficient, self._layout, trial.arm, trial.losses)
 
     def used_by(self, network: str) -> Protocol:
         """Return what is really done with trained or with fresh networks, which have no optimizer to continue."""
@@ -114,7 +115,8 @@ class Retraining:
     def _rollout(self, workers: Workers, weights: Tensor, lesions: Sequence[Lesion]) -> Rollout:
         trial, batch_size = self._config.trial, self._settings.batch_size
         size = self._losses.rollout_size(len(weights), batch_size, trial.trial_length)
-        rollout = Rollout(self._layout, trial.arm, size, device=self._device, workers=workers)
+        conditions = Conditions.of(make_task(self._config.task), trial, self._config.network.hidden_noise)
+        rollout = Rollout(*(self._layout, trial.arm, size), device=self._device, workers=workers, conditions=conditions)
         rollout.weights.copy_(weights)
         rollout.set_lesions(lesions)
         return rollout
@@ -154,6 +156,7 @@ class Retraining:
             if batch == 0:
                 trials = self._shuffled(drawn, seeds, epoch)
             rollout.load(trials, first=batch * self._settings.batch_size)
+            draw_noise(rollout, seeds, "retraining", epoch, batch)
             rollout.forward()
             optimizer.gradient()
             optimizer.step()
@@ -174,8 +177,6 @@ class Retraining:
 
 def _check(config: TrainConfig, protocol: Protocol) -> None:
     """Raise a UserError for a protocol that networks of such a run cannot follow."""
-    if config.trial.noisy or config.trial.feedback_delay:
-        raise UserError("Retraining knows neither noise nor feedback delay, which this run has; use --no-retrain.")
     for name, value, default in (
         ("optimizer", protocol.optimizer, "fresh"),
         ("trials", protocol.trials, "new"),

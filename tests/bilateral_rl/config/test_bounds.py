@@ -29,7 +29,7 @@ def test_what_a_large_laboratory_might_do_is_allowed():
             "a2c": of_rl,
             "sac": of_rl | {"sac": {"buffer_size": 5_000_000}},
             "td3": of_rl | {"td3": {"buffer_size": 5_000_000}},
-            "bptt": {"seeds": 20, "bptt": {"trials": 64_000}, "trial": {"sensory_noise": 0.0, "feedback_delay": 0}},
+            "bptt": {"seeds": 20, "bptt": {"trials": 64_000}},
         }
         if algo == "bptt":
             own["bptt"]["network"] = {"units": 100}
@@ -105,5 +105,4 @@ def test_no_refusal_advises_what_is_refused_in_turn():
                 ) as error:
                     resolve(algo, None, [base, at(path, value)], model="uni_b")
                 advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
-                if path != ("trial", "feedback_delay") or algo != "bptt":  # which takes none
-                    resolve(algo, None, [base, at(path, advised)], model="uni_b")
+                resolve(algo, None, [base, at(path, advised)], model="uni_b")

@@ -295,9 +295,6 @@ def test_what_supervised_training_cannot_do_is_refused_by_name():
         ({"bptt": {"validation_trials": 0}}, "validation_trials"),
         ({"bptt": {"trials": 100}}, "multiple of bptt.batch_size, got 100 and 64"),
         ({"bptt": {"penalty": "activity"}, "trial": {"trial_length": 1}}, "trial_length must be at least 2"),
-        ({"trial": {"sensory_noise": 0.01}}, "sensory_noise"),
-        ({"trial": {"motor_noise": 0.01}}, "motor_noise"),
-        ({"trial": {"feedback_delay": 1}}, "feedback_delay"),
     ):
         with pytest.raises(UserError, match=names):
             resolve("bptt", None, [values])

@@ -252,7 +252,6 @@ def test_the_other_readings_go_with_every_profile_and_algorithm():
         ({"training": {"bptt": 3}}, "cannot be trained. bptt must be settings by name, got 3"),
         ({"training": {"nothing": 1}}, "The reading mine cannot be trained. Unknown setting 'nothing'"),
         ({"training": {"epochs": "many"}}, "The reading mine cannot be trained. epochs must be a whole number"),
-        ({"training": {"trial": {"motor_noise": 0.1}}}, "The reading mine cannot be trained. .* without noise"),
     ],
 )
 def test_training_settings_that_cannot_be_are_refused_with_the_reading(tmp_path, values, message):

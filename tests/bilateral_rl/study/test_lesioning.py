@@ -297,13 +297,11 @@ def test_a_reinforced_run_is_retrained_by_the_papers_loss(run, profile):
     assert_same(values_of(results, lesion="callosum", **OUTPUT), evaluated(run, policy, "callosum"))
 
 
-def test_noise_and_delay_cannot_be_retrained_but_tested(run):
-    for setting in ({"sensory_noise": 0.01}, {"motor_noise": 0.01}, {"feedback_delay": 2}):
-        with_config(run, trial={"sensory_noise": 0.0, "motor_noise": 0.0, "feedback_delay": 0} | setting)
-        with pytest.raises(UserError, match="--no-retrain"):
-            study_of(run)
-        results = run_study(run, **NO_RETRAINING, lesions=("callosum",), trials=2)
-        assert results["value"][results["metric"] == "effort"].notna().all()
+def test_networks_are_retrained_with_noise_delay_and_losses_of_their_own(run):
+    with_config(run, trial={"vision_noise": 0.01, "motor_noise": 0.05, "vision_delay": 2})
+    results = run_study(run, lesions=("callosum",), retraining_trials=128, trials=2)
+    policy = retrained_by_hand(run, 0, LESIONS["callosum"], 128)
+    assert_same(values_of(results, lesion="callosum", **OUTPUT), evaluated(run, policy, "callosum", trials=2))
 
 
 # What goes wrong

@@ -165,12 +165,6 @@ def test_settings_that_cannot_be_are_refused():
             Study(algo=algo, seeds=2, first_seed=MAX_SEED).configs()
 
 
-def test_what_cannot_be_retrained_after_a_lesion_is_refused_before_it_is_trained():
-    for trial in ({"motor_noise": 0.1}, {"feedback_delay": 2}):
-        with pytest.raises(UserError, match="leave both out"):
-            Study(algo="ppo", overrides={"trial": trial}).configs()
-
-
 def test_processors_are_shared_among_the_jobs_at_a_time(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)))
     assert side_by_side(None, 14, "bptt") == (8, 1)
