@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs
     from bilateral_rl.api.plots import (
+        plot_blocks,
         plot_center_out,
         plot_curves,
         plot_lesions,
@@ -55,6 +56,7 @@ MODULES = {
     "import_model": "api.importing",
     "list_runs": "api.listing",
     "load": "api.run",
+    "plot_blocks": "api.plots",
     "plot_center_out": "api.plots",
     "plot_curves": "api.plots",
     "plot_lesions": "api.plots",
@@ -81,6 +83,7 @@ __all__ = [
     "import_model",
     "list_runs",
     "load",
+    "plot_blocks",
     "plot_center_out",
     "plot_curves",
     "plot_lesions",

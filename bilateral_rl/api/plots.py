@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from bilateral_rl.analysis.kinematics import SAME_PLACE
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.analysis.recording import Recording
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.api.checks import whole
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.figures import curves as learning
+from bilateral_rl.figures.adaptation import MEASURES, draw_blocks
 from bilateral_rl.figures.center_out import MOST_TARGETS, Reaches, draw_center_out, has_few_targets
 from bilateral_rl.figures.lesions import draw_lesions
 from bilateral_rl.figures.recordings import draw_muscles, draw_paths, draw_speeds
@@ -76,7 +78,7 @@ def plot_center_out(
             trials do not repeat a few targets.
     """
     rows = _one(recording, seed, lesion)
-    reaches = Reaches(recording["hand"][rows], recording["target"][rows])
+    reaches = _reaches(recording, rows)
     if not has_few_targets(reaches):
         raise UserError(
             f"The {len(rows)} trials do not repeat 2 to {MOST_TARGETS} targets around their starts: record more of "
@@ -92,17 +94,24 @@ def plot_center_out(
 def plot_speeds(recording: Recording, ax: Axes | None = None) -> Axes:
     """Draw the hand's speed (cm/s) over time (ms), a line a lesion.
 
-    A line is the mean over the trials of all networks, a band their quartiles.
+    A line is the mean over the trials of all networks, a band their quartiles. Where go cues come within trials,
+    time counts from them, and trials without one are left out.
 
     Args:
         recording: from :meth:`Run.record`.
         ax: where to draw; None for a new figure.
     """
     _check(recording)
-    lesions = list(dict.fromkeys(recording["lesion"].tolist()))
+    cue, comes = _cues(recording["hand"], recording["seen_target"])
+    rows = {lesion: recording["lesion"] == lesion for lesion in dict.fromkeys(recording["lesion"].tolist())}
+    if cue.any():
+        rows = {lesion: of & comes for lesion, of in rows.items() if (of & comes).any()}
     axes = _axes(ax, (5.0, 3.0))
     draw_speeds(
-        axes, {lesion: recording["hand"][recording["lesion"] == lesion] for lesion in lesions}, recording.timestep
+        axes,
+        {lesion: recording["hand"][of] for lesion, of in rows.items()},
+        recording.timestep,
+        {lesion: cue[of] for lesion, of in rows.items()} if cue.any() else None,
     )
     return axes
 
@@ -163,6 +172,30 @@ def plot_lesions(
 
 
 @in_python
+def plot_blocks(blocks: pd.DataFrame, ax: Axes | None = None, *, measure: str = "deviation_at_peak_speed") -> Axes:
+    """Draw how networks adapt to a field by block: in the field, with the field off, and in a channel.
+
+    A line is the mean over the seeds, a band its 95 % interval.
+
+    Args:
+        blocks: the table in the ``blocks.csv`` of a run.
+        ax: where to draw; None for a new figure.
+        measure: a column of the table, such as "final_error" or "channel_compensation".
+
+    Raises:
+        UserError: no such table, or no such column.
+    """
+    if not isinstance(blocks, pd.DataFrame) or not {"seed", "block", "condition"} <= {*blocks.columns} or blocks.empty:
+        raise UserError("--blocks must be a table of blocks, as the blocks.csv of a run holds it.")
+    known = [name for name in MEASURES if name in blocks and blocks[name].notna().any()]
+    if measure not in known:
+        raise UserError(f"The table has no {measure} by block; choose a measure from {', '.join(known)}.")
+    axes = _axes(ax, (4.5, 3.2))
+    draw_blocks(axes, blocks, measure)
+    return axes
+
+
+@in_python
 def plot_curves(curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | None = None) -> Axes:
     """Draw how networks learned: the mean over the seeds of each model, and its 95 % interval.
 
@@ -188,6 +221,20 @@ def plot_curves(curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | 
     column = known.get(name, learning.HistoryColumn(name, name.replace("_", " ").capitalize()))
     learning.draw_curves(axes, curves, column)
     return axes
+
+
+def _reaches(recording: Recording, rows: np.ndarray) -> Reaches:
+    """Return the trials of ``rows`` that have something to reach for."""
+    hand, target, seen = (recording[name][rows] for name in ("hand", "target", "seen_target"))
+    cue, comes = _cues(hand, seen)
+    goal = seen[np.arange(len(rows)), cue]
+    return Reaches(hand[comes], target[comes], goal[comes])
+
+
+def _cues(hand: np.ndarray, seen_target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the step (n,) at which a target other than the start is first seen, and whether one is, (n,)."""
+    elsewhere = np.abs(seen_target - hand[:, :1]).max(axis=2) > SAME_PLACE
+    return elsewhere.argmax(axis=1), elsewhere.any(axis=1)
 
 
 def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:

@@ -6,18 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import seaborn
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.figures.style import INK, LABEL_SIZE, WIDTH, new_figure, set_note, set_title, style_axes
 
 Floating = NDArray[np.floating]
 
 MOST_TARGETS = 24
 """More hues than so many cannot be told apart."""
+_FORCES = ("field", "channel", "pulse")
 _SAME_TARGET = 1e-3  # m
 _FURTHEST = 2.5  # distances of the furthest target: what goes beyond is cut off, or nothing else could be seen
 _MOST_COLUMNS = 3
@@ -32,20 +33,40 @@ class Reaches:
     """(n, T + 1, 2): position of the hand at the start and after each step (m)."""
     target: Floating
     """(n, 2): position of the target, the last one where it jumps (m)."""
+    first_target: Floating | None = None
+    """(n, 2): that before it jumps (m); None where no target jumps."""
 
     def target_numbers(self) -> NDArray[np.intp]:
-        """Return the number of each trial's target (n,), counted from 0 by direction and distance from the start."""
-        offsets = self.target - self.hand[:, 0]
+        """Return the number of each trial's target (n,), counted from 0 by direction and distance from the start.
+
+        A target that another one jumped to is not the same as one that was there at once.
+        """
+        start = self.hand[:, 0]
+        first = self.target if self.first_target is None else self.first_target
+        offsets = np.concatenate((self.target - start, first - start), axis=1)
         numbers = np.full(len(offsets), -1)
         found: list[Floating] = []
         while (numbers < 0).any():
-            first = offsets[numbers.argmin()]
-            numbers[(numbers < 0) & (np.linalg.norm(offsets - first, axis=1) < _SAME_TARGET)] = len(found)
-            found.append(first)
-        x, y = np.reshape(found, (-1, 2)).T
-        direction = np.arctan2(y, x).round(3) % (2 * np.pi)
-        order = np.lexsort((np.hypot(x, y), direction))
+            one = offsets[numbers.argmin()]
+            numbers[(numbers < 0) & (np.abs(offsets - one).max(axis=1) < _SAME_TARGET)] = len(found)
+            found.append(one)
+        x, y, first_x, first_y = np.reshape(found, (-1, 4)).T
+        direction, first_direction = (np.arctan2(b, a).round(3) % (2 * np.pi) for a, b in ((x, y), (first_x, first_y)))
+        order = np.lexsort((np.hypot(first_x, first_y), first_direction, np.hypot(x, y), direction))
         return np.asarray(order.argsort()[numbers], dtype=np.intp)
+
+
+def reaches_by_force(record: TrialRecord) -> dict[str, Reaches]:
+    """Return the reaches of a record by the force on the hand, such as "field", "channel" and "null".
+
+    Trials without a cue reach for nothing and are left out.
+    """
+    plan = record.plan
+    parts = [[part for part in joined.split("+") if part in _FORCES] for joined in plan.condition]
+    words = np.array(["+".join(of_trial) or "null" for of_trial in parts])
+    comes = ~plan.has("no_go")
+    rows = {name: comes & (words == name) for name in dict.fromkeys(words.tolist())}
+    return {name: Reaches(record.hand[of], record.target[of], plan.goal[of]) for name, of in rows.items() if of.any()}
 
 
 def has_few_targets(reaches: Reaches) -> bool:
@@ -91,10 +112,12 @@ def draw_center_out(axes: Axes, reaches: Reaches, radius: float) -> None:
         reaches: the trials.
         radius: radius of the goal (m).
     """
+    from seaborn import husl_palette  # slow to import, and trainings that draw other paths do without
+
     start = reaches.hand[:, :1]
     paths, goals = 100 * (reaches.hand - start), 100 * (reaches.target - start[:, 0])
     numbers = reaches.target_numbers()
-    hues = seaborn.husl_palette(int(numbers.max(initial=0)) + 1, s=0.85, l=0.55)
+    hues = husl_palette(int(numbers.max(initial=0)) + 1, s=0.85, l=0.55)
     for number, color in enumerate(hues):
         of_target = numbers == number
         if of_target.any():

@@ -66,21 +66,41 @@ def draw_paths(axes: Axes, hand: Floating, target: Floating, radius: float, reac
         axes.spines[side].set_visible(False)
 
 
-def draw_speeds(axes: Axes, hands: Mapping[str, Floating], timestep: float) -> None:
+def draw_speeds(
+    axes: Axes, hands: Mapping[str, Floating], timestep: float, cues: Mapping[str, NDArray[np.int_]] | None = None
+) -> None:
     """Draw the hand's speed over time, a line a lesion: mean over the trials, and a band for their quartiles.
 
     Args:
         axes: where to draw.
         hands: (n, T + 1, 2) positions (m) by lesion.
         timestep: length of a step (s).
+        cues: (n,) steps by lesion at which the go cues came, from which on time is counted; None for the start.
     """
     for index, (lesion, hand) in enumerate(hands.items()):
-        speed = 100 * hand_speed(hand, timestep)
-        middles = 1000 * timestep * (np.arange(speed.shape[1]) + 0.5)
+        speed: Floating = 100 * hand_speed(hand, timestep)
+        first = 0
+        if cues is not None:
+            speed, first = aligned(speed, cues[lesion])
+        middles = 1000 * timestep * (first + np.arange(speed.shape[1]) + 0.5)
         draw_band(axes, middles, speed, LESION_STYLES[lesion], lesion_words(lesion), index)
-    style_axes(axes, "Time (ms)", "Hand speed (cm/s)")
+    style_axes(axes, "Time (ms)" if cues is None else "Time from the cue (ms)", "Hand speed (cm/s)")
     axes.set_ylim(bottom=0)
     legend_above(axes, columns=2)
+
+
+def aligned(values: Floating, onset: NDArray[np.int_]) -> tuple[Floating, int]:
+    """Return values (n, T) of steps shifted to their ``onset`` (n,), and the number of the first step from there.
+
+    Steps are left out that fewer than half of the trials have; where a trial has none, it is NaN.
+    """
+    n, length = values.shape
+    earliest = -int(onset.max())
+    shifted = np.full((n, length + int(onset.max() - onset.min())), np.nan)
+    for row, of_trial, at in zip(shifted, values, onset, strict=True):
+        row[-earliest - at : -earliest - at + length] = of_trial
+    often = np.flatnonzero((~np.isnan(shifted)).mean(axis=0) >= 0.5)
+    return shifted[:, often[0] : often[-1] + 1], earliest + int(often[0])
 
 
 def draw_muscles(axes: Axes, activation: Floating, timestep: float) -> None:

@@ -12,6 +12,7 @@ from bilateral_rl.analysis.kinematics import hand_speed
 from bilateral_rl.analysis.trials import TrialRecord
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
+from bilateral_rl.figures.center_out import center_out, has_few_targets, reaches_by_force
 from bilateral_rl.figures.labels import model_label
 from bilateral_rl.figures.recordings import draw_paths
 from bilateral_rl.figures.style import (
@@ -33,12 +34,19 @@ Records = Mapping[str, Sequence[TrialRecord]]
 def hand_paths(record: TrialRecord, radius: float, reach: float, n_trials: int = 12) -> Figure:
     """Draw the hand's paths in the first trials: start as a dot, goal as a disc, one color a trial.
 
+    Where all trials together repeat a few targets, all are drawn around the start, with a panel for each kind of force.
+
     Args:
         record: the trials.
         radius: radius of the goal (m).
         reach: length of the stretched arm (m).
         n_trials: how many trials to draw.
     """
+    conditions = reaches_by_force(record)
+    if conditions and all(map(has_few_targets, conditions.values())):
+        if [*conditions] == ["null"]:
+            conditions = {"": conditions["null"]}  # a word for nothing, where there is nothing else
+        return center_out(conditions, radius, f"Hand paths of {len(record.hand)} trials")
     figure = Figure(figsize=(5, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()

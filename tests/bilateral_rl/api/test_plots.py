@@ -31,7 +31,20 @@ def around_a_center(recording):
     """The recording, as if each network had reached for two targets in turn."""
     hand = recording["hand"]
     target = hand[:, 0] + np.where(recording["trial"][:, None] % 2, (0.1, 0), (0, 0.1))
-    return dataclasses.replace(recording, arrays={**recording.arrays, "target": target})
+    seen = np.repeat(target[:, None], hand.shape[1] - 1, axis=1)
+    return dataclasses.replace(recording, arrays={**recording.arrays, "target": target, "seen_target": seen})
+
+
+@pytest.fixture
+def blocks():
+    """Five blocks of two seeds, whose deviations mirror each other."""
+    rows = [
+        (seed, block, condition, sign * (1.0 + seed) * block, np.nan if condition != "channel" else 0.1 * block)
+        for seed in range(2)
+        for block in range(5)
+        for condition, sign in (("field", 1), ("null", -1), ("channel", 0))
+    ]
+    return pd.DataFrame(rows, columns=["seed", "block", "condition", "deviation_at_peak_speed", "channel_compensation"])
 
 
 @pytest.fixture
@@ -59,6 +72,56 @@ def test_center_out_has_a_hue_for_each_target(around_a_center, ax):
     np.testing.assert_allclose(to_the_right, hand[1::2].mean(axis=0), atol=1e-5)
     np.testing.assert_allclose(upward, hand[::2].mean(axis=0), atol=1e-5)
     assert ax.get_title() == "5 trials, seed 1, intact"
+
+
+def test_trials_without_a_cue_are_no_reaches(around_a_center, ax):
+    seen = around_a_center["seen_target"].copy()
+    is_third = around_a_center["trial"] == 3
+    seen[is_third] = around_a_center["hand"][is_third, :1]
+    target = np.where(is_third[:, None], around_a_center["hand"][:, 0], around_a_center["target"])
+    arrays = {**around_a_center.arrays, "target": target, "seen_target": seen}
+    brl.plot_center_out(dataclasses.replace(around_a_center, arrays=arrays), ax, seed=0, lesion="intact")
+    assert len([line for line in ax.lines if line.get_gid() == "trial"]) == 4
+
+
+def test_speeds_are_aligned_to_the_cue(around_a_center, ax):
+    hand, seen = around_a_center["hand"], around_a_center["seen_target"].copy()
+    cue = around_a_center["trial"] + 3
+    for row, at, start in zip(seen, cue, hand[:, 0], strict=True):
+        row[:at] = start
+    seen[cue == 7] = hand[cue == 7, :1]  # no cue
+    arrays = {**around_a_center.arrays, "seen_target": seen}
+    brl.plot_speeds(dataclasses.replace(around_a_center, arrays=arrays), ax)
+    assert ax.get_xlabel() == "Time from the cue (ms)"
+    of_intact = (around_a_center["lesion"] == "intact") & (cue < 7)
+    speed = 100 * hand_speed(hand[of_intact], around_a_center.timestep)
+    (line,) = [line for line in ax.lines if line.get_label() == "intact"]
+    x, y = line.get_data()
+    expected = np.mean([row[at] for row, at in zip(speed, cue[of_intact], strict=True)])
+    assert y[np.isclose(x, 5)].item() == pytest.approx(expected, rel=1e-5)
+    assert x[0] == pytest.approx(-45)  # half of the cues come at the fifth step or later: four steps and a half before
+
+
+def test_blocks_have_a_line_a_condition(blocks, ax):
+    assert brl.plot_blocks(blocks, ax) is ax
+    field, null = [next(line for line in ax.lines if line.get_gid() == gid) for gid in ("field", "null")]
+    np.testing.assert_allclose(field.get_ydata(), 1.5 * np.arange(5))
+    np.testing.assert_allclose(null.get_ydata(), -1.5 * np.arange(5))
+    assert (ax.get_xlabel(), len(ax.get_legend().get_texts())) == ("Block", 2)
+
+
+def test_compensation_is_that_in_the_channel(blocks, ax):
+    brl.plot_blocks(blocks, ax, measure="channel_compensation")
+    (line,) = [line for line in ax.lines if line.get_gid() == "channel"]
+    np.testing.assert_allclose(line.get_ydata(), 0.1 * np.arange(5))
+
+
+@pytest.mark.parametrize("wrong", ["final_error", "condition"])
+def test_a_measure_that_no_block_has_is_refused(blocks, wrong):
+    with pytest.raises(UserError, match=f"no {wrong} by block; choose a measure from deviation_at_peak_speed, channel"):
+        brl.plot_blocks(blocks, measure=wrong)
+    with pytest.raises(UserError, match="`blocks` must be a table of blocks"):
+        brl.plot_blocks(blocks[["seed"]])
 
 
 @pytest.mark.parametrize("size", [(6.4, 4.8), (4.5, 3.0)])

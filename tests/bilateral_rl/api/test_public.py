@@ -21,6 +21,7 @@ SIGNATURES = {
     "import_model": "(model, task, *, trust_pickle=False, settings=None, vec_normalize=None, out='runs')",
     "list_runs": "(out='runs')",
     "load": "(run, seed=None)",
+    "plot_blocks": "(blocks, ax=None, *, measure='deviation_at_peak_speed')",
     "plot_center_out": "(recording, ax=None, *, seed=None, lesion=None)",
     "plot_curves": "(curves, ax=None, *, measure=None)",
     "plot_lesions": "(results, ax=None, *, metric=None, model=None)",

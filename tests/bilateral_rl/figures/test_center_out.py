@@ -1,11 +1,21 @@
 """Reaches around the start: which trials belong together, and what is drawn of them."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from bilateral_rl.figures.center_out import MOST_TARGETS, Reaches, center_out, draw_center_out, has_few_targets
+from bilateral_rl.figures import hand_paths
+from bilateral_rl.figures.center_out import (
+    MOST_TARGETS,
+    Reaches,
+    center_out,
+    draw_center_out,
+    has_few_targets,
+    reaches_by_force,
+)
 
 
 @pytest.fixture
@@ -89,3 +99,37 @@ def test_conditions_stand_side_by_side_in_the_same_measure(make_reaches, assert_
     for axes in panels:
         assert axes.get_xlim() == axes.get_ylim() == pytest.approx((-limit, limit))
     assert assert_texts_are_apart(figure) > 5
+
+
+def test_reaches_are_told_apart_by_the_force_and_those_without_a_cue_are_none(make_record):
+    hand = np.cumsum(np.full((6, 11, 2), 0.01), axis=1)
+    record = make_record(6, hand=hand, target=np.tile(hand[0, 10], (6, 1)))
+    conditions = np.array(["field", "field+jump", "channel", "null", "no_go", "jump"])
+    plan = dataclasses.replace(record.plan, condition=conditions)
+    by_force = reaches_by_force(dataclasses.replace(record, plan=plan))
+    assert {name: len(reaches.hand) for name, reaches in by_force.items()} == {"field": 2, "channel": 1, "null": 2}
+
+
+def test_a_target_that_was_jumped_to_is_another_one(make_reaches):
+    there = make_reaches(n=4, n_targets=2)
+    jumped = Reaches(
+        there.hand, there.target, there.target[[1, 1, 3, 3]] - there.hand[[1, 1, 3, 3], 0] + there.hand[:, 0]
+    )
+    np.testing.assert_array_equal(there.target_numbers(), [0, 1, 0, 1])
+    both = Reaches(
+        np.concatenate([there.hand, jumped.hand]),
+        np.concatenate([there.target, jumped.target]),
+        np.concatenate([there.target, jumped.first_target]),
+    )
+    np.testing.assert_array_equal(both.target_numbers(), [0, 2, 0, 2, 1, 2, 1, 2])
+
+
+def test_hand_paths_of_an_experiment_are_drawn_around_the_start_and_others_as_ever(make_reaches, make_record):
+    reaches = make_reaches()
+    record = make_record(16, steps=20, hand=reaches.hand, target=reaches.target)
+    names = np.array(["field", "null"]).repeat(8)
+    plan = dataclasses.replace(record.plan, condition=names, goal=reaches.target)
+    few = dataclasses.replace(record, plan=dataclasses.replace(plan, condition=np.full(16, "null")))
+    assert [axes.get_title() for axes in hand_paths(few, 0.05, 0.642).axes] == [""]
+    once_each = hand_paths(dataclasses.replace(record, plan=plan), 0.05, 0.642)
+    assert [axes.get_title() for axes in once_each.axes] == ["Hand paths of 12 trials"]
