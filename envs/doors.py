@@ -39,7 +39,7 @@ def settings_for(task: Task, settings: Mapping[str, Any]) -> TrialSettings:
     chosen = TrialSettings(**_merged(task.trial, settings))
     for name in () if task.has_load else _OF_LOADS:
         if getattr(chosen, name) not in (getattr(default, name), getattr(usual, name)):
-            raise ValueError(f"{name} has no effect on {task.id}, whose trials have no load: leave it out.")
+            raise ValueError(f"{name} has no effect on {_name(task)}, whose trials have no load: leave it out.")
     return chosen
 
 
@@ -56,6 +56,10 @@ def arguments_for(task: Task, settings: TrialSettings) -> dict[str, Any]:
     """Return settings as arguments of an environment of ``task``: those that have an effect there."""
     names = [field.name for field in dataclasses.fields(settings) if task.has_load or field.name not in _OF_LOADS]
     return {name: getattr(settings, name) for name in names}
+
+
+def _name(task: Task) -> str:
+    return getattr(task, "id", type(task).__name__)  # a task for an environment alone needs no id
 
 
 def checked_trials(trials: object, n: int, task: Task, arm: ArmParameters) -> Trials:
@@ -75,7 +79,7 @@ def checked_trials(trials: object, n: int, task: Task, arm: ArmParameters) -> Tr
     checked = Trials(start, goal, load)
     for name, has in (("timeline", task.has_timeline), ("forces", task.has_forces)):
         if (getattr(given, name) is not None) != has:
-            raise ValueError(f"trials of {task.id} must have {'a' if has else 'no'} {name}: has_{name} is {has}.")
+            raise ValueError(f"trials of {_name(task)} must have {'a' if has else 'no'} {name}: has_{name} is {has}.")
     if given.timeline is not None:
         checked = checked._replace(timeline=_checked_timeline(given.timeline, n, arm))
     if given.forces is not None:

@@ -3,12 +3,12 @@
 import dataclasses
 import gc
 import pickle
-from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
 import torch
+from given_actions import acting
 
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.trials import training_trials
@@ -32,7 +32,7 @@ class Gives(Task):
 
 def still(n):
     """A policy that does nothing."""
-    return SimpleNamespace(predict=lambda observation, deterministic: (np.zeros((n, 6), np.float32), None))
+    return acting(np.zeros((n, 6), np.float32))
 
 
 DOORS = {

@@ -89,7 +89,7 @@ def main() -> None:
     use_asserting_kernels()
     outcomes: Counter[tuple[str, str]] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        doors = make_doors(), make_doors(noise=0.1)
+        doors = make_doors(), make_doors(noise=0.1, rich=True), make_doors(noise=0.1)
         try:
             in_child({"a trap": trap()}, 1, 0, Path(folder))
         except ChildProcessError as ended:
@@ -97,7 +97,7 @@ def main() -> None:
         else:
             raise AssertionError("an access out of bounds went by")
         for number in range(*first or [0], sum(first) + children):
-            outcomes += in_child(doors[number % 2], n, number, Path(folder))
+            outcomes += in_child(doors[number % len(doors)], n, number, Path(folder))
             print(f"{number + 1 - sum(first):,} processes, {outcomes.total():,} inputs", file=sys.stderr, flush=True)
     print(f"{'door':30} {WORKS:>9} {REFUSED:>9}")
     for name in doors[0]:

@@ -9,6 +9,9 @@ import numpy as np
 import torch
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as np_st
+from rich_tasks import no_forces
+
+from bilateral_rl.envs.tasks import NEVER, HandForces, Timeline
 
 N = 3
 """Arms of the batches that are tried."""
@@ -116,16 +119,35 @@ def tensors(shape: tuple[int, ...]) -> st.SearchStrategy[Any]:
 
 
 @st.composite
-def trials(draw: Any, n: int) -> tuple[Any, ...]:
-    """The three fields of ``n`` trials, of which some may be anything."""
-    fields = [np.full((n, 2), 0.5), np.float32([[1.0, 1.5]]), [0.0, 1.0]]
+def trials(draw: Any, n: int, rich: bool = False) -> tuple[Any, ...]:
+    """The three fields of ``n`` trials, or all five, of which some may be anything."""
+    fields: list[Any] = [np.full((n, 2), 0.5), np.float32([[1.0, 1.5]]), [0.0, 1.0]]
+    if rich and draw(st.integers(0, 2)):
+        return (*fields, *draw(timelines_and_forces(n)))
     for i in draw(st.sampled_from([(0,), (1,), (2,), (0, 1, 2)])):
         fields[i] = draw(anything((n, 2)))
-    return tuple(fields)
+    return (*fields, Timeline(0, NEVER, (0.5, 0.5)), no_forces()) if rich else tuple(fields)
 
 
 @st.composite
-def starts(draw: Any, noisy: bool) -> tuple[Any, ...]:
+def timelines_and_forces(draw: Any, n: int) -> tuple[Any, Any]:
+    """What a trial has beyond its places; one or two things may be anything."""
+    timeline: dict[str, Any] = {"go": 1, "jump": np.full(n, 2), "jump_goal": np.full((n, 2), 0.7)}
+    forces = no_forces(pulse=(1.0, 2.0), pulse_window=(1, 2))._asdict()
+    shapes = {name: np.shape(value) for name, value in {**timeline, **forces}.items()} | {"go": (), "jump": ()}
+    shapes["jump_goal"] = (2,)
+    steps = st.integers(-2, 9) | st.just(NEVER) | st.lists(st.integers(0, 9), min_size=n, max_size=n)
+    for name in draw(st.lists(st.sampled_from([*shapes]), min_size=1, max_size=2)):
+        kind = timeline if name in timeline else forces
+        shape, scale = (n, *shapes[name]), draw(st.sampled_from([2, 2, 2, 400]))
+        kind[name] = draw(steps | anything(shape, 0, 9) if name in ("go", "jump") else anything(shape, 0, scale))
+    whole = st.sampled_from([Timeline(**timeline), Timeline(**timeline), None, (0, 0, 0), no_forces()])
+    both = st.sampled_from([HandForces(**forces), HandForces(**forces), HandForces(**forces), None, "forces"])
+    return draw(whole), draw(both)
+
+
+@st.composite
+def starts(draw: Any, noisy: bool, rich: bool) -> tuple[Any, ...]:
     """Arms, their trials, their noise, and the actions of a step."""
     arms = draw(
         st.lists(st.integers(0, N - 1), max_size=N, unique=True) | st.lists(st.integers(-1, N)) | anything((N,))
@@ -133,7 +155,7 @@ def starts(draw: Any, noisy: bool) -> tuple[Any, ...]:
     k = len(arms) if isinstance(arms, list) else N
     noise = st.just(np.ones((k, LENGTH + 1, 20))) if noisy else st.none()
     other = anything((k, LENGTH + 1, 20)) | st.none()
-    return arms, draw(trials(k)), draw(noise | noise | other), draw(anything((N, 6)))
+    return arms, draw(trials(k, rich)), draw(noise | noise | other), draw(anything((N, 6)))
 
 
 @st.composite

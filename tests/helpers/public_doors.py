@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import torch
 import warp as wp
 from door_inputs import LENGTH, SCALARS, N, anything, changes, choice, starts, tensors, torch_steps, trials
+from given_actions import acting
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as np_st
+from rich_tasks import RICH_SETTINGS, no_forces
 
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
 from bilateral_rl.bptt.trials import training_trials
@@ -32,6 +34,7 @@ from bilateral_rl.envs import (
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.warp_start import start_warp
 from bilateral_rl.envs.measures import trial_measures
+from bilateral_rl.envs.tasks import Timeline
 from bilateral_rl.envs.trial_kernels import Features, TrialRows, trial_kernels, vec2
 from bilateral_rl.envs.trials import TrialBatch
 
@@ -66,6 +69,7 @@ class Arms:
     """Batches and environments that are tried again and again."""
 
     noise: float
+    rich: bool = False
     batch: Any = field(init=False)
     vec_env: Any = field(init=False)
     env: Any = field(init=False)
@@ -73,17 +77,22 @@ class Arms:
     task: Any = field(init=False)
 
     def __post_init__(self) -> None:
+        rich = self.rich
+
         class Gives(Task):
             n_uniform = 4
+            has_timeline = has_forces = rich
             given: tuple[Any, ...] | None = None
 
             def trials(self, uniform, settings):
                 if self.given is None:
                     sound = np.full((len(uniform), 2), 0.5)
-                    return Trials(sound, sound, sound)
-                return Trials(*self.given) if len(self.given) == 3 else self.given[0]
+                    return Trials(sound, sound, sound, *((Timeline(1, 2, (1.0, 1.0)), no_forces()) if rich else ()))
+                return Trials(*self.given) if len(self.given) >= 3 else self.given[0]
 
         kinds = {"trial_length": LENGTH, "motor_noise": self.noise, "feedback_delay": 2}
+        if rich:
+            kinds = {"trial_length": LENGTH, **RICH_SETTINGS, "motor_noise": self.noise}
         self.task = Gives()
         self.batch = TrialBatch(self.task, TrialSettings(**kinds), N)
         self.vec_env, self.env = ArmVecEnv(N, self.task, seed=0, **kinds), ArmEnv(self.task, **kinds)
@@ -207,9 +216,8 @@ def _made(n: Any, changes: dict[str, Any]) -> None:
 
 
 def _evaluated(action: Any) -> None:
-    policy = SimpleNamespace(predict=lambda observation, deterministic: (action, None))
     with contextlib.suppress(NotFiniteError):
-        Evaluator("random_reach", TrialSettings(trial_length=LENGTH), N, seed=0).run(policy)
+        Evaluator("random_reach", TrialSettings(trial_length=LENGTH), N, seed=0).run(acting(action))
 
 
 def _torch_step(double: bool, joint: Any, muscle: Any, excitation: Any, load: Any, upstream: Any) -> None:
@@ -226,8 +234,8 @@ def _torch_rest(call: str, given: Any) -> None:
     getattr(Arm(), call)(given)
 
 
-def _measured(distance: Any, start: Any, threshold: Any) -> None:
-    trial_measures(distance, start, threshold)
+def _measured(distance: Any, start: Any, threshold: Any, onset: Any) -> None:
+    trial_measures(distance, start, threshold, onset)
 
 
 def trap() -> Door:
@@ -251,10 +259,15 @@ def _load_kernels() -> None:
     torch.set_num_threads(1)
 
 
-def make_doors(noise: float = 0.0) -> dict[str, Door]:
-    """Every door by name; ``noise`` is the standard deviation of motor noise in the batches behind them."""
+def make_doors(noise: float = 0.0, rich: bool = False) -> dict[str, Door]:
+    """Every door by name.
+
+    ``noise`` is the standard deviation of motor noise in the batches behind them, and ``rich`` says whether their
+    trials have timelines and forces, senses and losses of their own.
+    """
     _load_kernels()
-    arms = Arms(noise)
+    arms = Arms(noise, rich)
+    noisy = arms.batch.settings.noisy
     actions = anything((N, 6), -1, 1)
     no_trials = st.tuples(st.recursive(SCALARS, lambda x: st.lists(x), max_leaves=4))
     states = st.sampled_from([*arms.vec_env.state_arrays(), "another"])
@@ -265,9 +278,13 @@ def make_doors(noise: float = 0.0) -> dict[str, Door]:
         {}, optional={"n": SCALARS, "task": SCALARS, "settings": SCALARS, "device": SCALARS, "arrays": batch_arrays}
     )
     numbers = st.one_of(st.integers(0, 9), st.floats(0, 2), st.just([0.5, 0.5]), SCALARS, anything((2,)))
-    names = ["trial_length", "threshold", "max_load", "load", "sensory_noise", "motor_noise", "feedback_delay", "arm"]
+    names = [field.name for field in dataclasses.fields(TrialSettings)]
+    loss = st.dictionaries(st.sampled_from(["cartesian_1", "hand_speed", "x"]), numbers, max_size=2)
+    losses = st.dictionaries(
+        st.sampled_from(["dominant", "non_dominant", "last_steps", "x"]), loss | numbers, max_size=2
+    )
     arm = st.dictionaries(st.sampled_from(["timestep", "link_length", "joint_upper_limit", "x"]), numbers, max_size=2)
-    chosen = st.dictionaries(st.sampled_from([*names, "seed", "device", "task"]), numbers | arm, max_size=3)
+    chosen = st.dictionaries(st.sampled_from([*names, "seed", "device", "task"]), numbers | arm | losses, max_size=3)
     small = st.dictionaries(st.sampled_from(names), st.integers(-2, 70) | SCALARS, min_size=1, max_size=2)
     where = st.one_of(st.just(...), st.integers(-2, N), st.just((slice(None), 0)))
     live = st.sampled_from([*arms.batch.state_arrays()])
@@ -280,11 +297,13 @@ def make_doors(noise: float = 0.0) -> dict[str, Door]:
     options = st.fixed_dictionaries({"start": pair}, optional={"goal": pair, "load": pair, "x": SCALARS})
     mask = st.fixed_dictionaries({}, optional={"reset_mask": anything((N,)) | np_st.arrays(bool, N), "x": SCALARS})
     at_rest = choice(st.tuples(st.just("rest"), tensors((N, 2))), st.tuples(st.just("state"), tensors((N, 4))))
+    onsets = st.none() | st.just([0, 1, LENGTH]) | anything((N,))
+    many, one = (st.tuples(trials(n, rich) | no_trials) for n in (N, 1))
     return {
-        "a task's trials, many arms": Door(lambda t: arms.with_trials("vec_env", *t), st.tuples(trials(N) | no_trials)),
-        "a task's trials, one arm": Door(lambda t: arms.with_trials("env", *t), st.tuples(trials(1) | no_trials)),
-        "a task's trials, supervised": Door(lambda t: arms.with_trials("bptt", *t), st.tuples(trials(N) | no_trials)),
-        "start": Door(arms.start, starts(noise > 0)),
+        "a task's trials, many arms": Door(lambda t: arms.with_trials("vec_env", *t), many),
+        "a task's trials, one arm": Door(lambda t: arms.with_trials("env", *t), one),
+        "a task's trials, supervised": Door(lambda t: arms.with_trials("bptt", *t), many),
+        "start": Door(arms.start, starts(noisy, rich)),
         "an action": Door(arms.act, st.tuples(faces_of_steps, actions | anything((6,)))),
         "reset's options": Door(arms.options, st.tuples(options | SCALARS, st.none() | st.integers(0, 9) | SCALARS)),
         "reset's mask": Door(arms.mask, st.tuples(mask | SCALARS, SCALARS | st.lists(SCALARS, max_size=4))),
@@ -297,5 +316,5 @@ def make_doors(noise: float = 0.0) -> dict[str, Door]:
         "a policy's actions": Door(_evaluated, st.tuples(actions)),
         "the torch operation": Door(_torch_step, torch_steps()),
         "the arm at rest": Door(_torch_rest, at_rest),
-        "measures": Door(_measured, st.tuples(anything((N, LENGTH)), anything((N,)), SCALARS)),
+        "measures": Door(_measured, st.tuples(anything((N, LENGTH)), anything((N,)), SCALARS, onsets)),
     }  # fmt: skip
