@@ -34,7 +34,7 @@ def measures_of(folder: RunFolder) -> dict[str, float]:
     """Every measure of a finished run of one seed."""
     config = folder.config()
     policy = load_policy(folder)
-    record = Evaluator(config.task, config.trial, TEST_TRIALS, TEST_SEED).run(policy)
+    record = Evaluator(config.make_task(), config.trial, TEST_TRIALS, TEST_SEED).run(policy)
     along = pd.read_csv(folder.path / "evaluations.csv")
     measures = {"result": result_of(record, config.task), **progress(along, config.task, config.trial)}
     measures["minutes_to_90"] = minutes_at(
@@ -99,7 +99,7 @@ def sides_alone(folder: RunFolder, config: TrainConfig) -> dict[str, float]:
     lesions = {f"deep_{OTHER[side]}": side for side in SIDES}
     settings = LesionSettings(lesions=tuple(lesions), protocols=(RETRAINED,), threads=1)
     table = LesionStudy(folder, settings).run()
-    table = table[table["metric"] == preferred_metric(config.task, RADIUS)]
+    table = table[table["metric"] == preferred_metric(config.make_task(), RADIUS)]
     names = {TRAINED: "alone_{}", FRESH: "alone_{}_fresh"}
     return {
         names[row.network].format(lesions[row.lesion]): row.value

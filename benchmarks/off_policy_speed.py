@@ -33,7 +33,7 @@ def stock(config: SACConfig) -> OffPolicyAlgorithm:
     buffer_size = algorithm_arguments(config)["buffer_size"]
     return SAC(
         "MlpPolicy",
-        ArmVecEnv(config.n_envs, config.task, seed=0),
+        ArmVecEnv(config.n_envs, config.make_task(), seed=0),
         learning_starts=given.learning_starts,
         batch_size=given.batch_size,
         train_freq=given.train_freq,

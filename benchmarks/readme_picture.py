@@ -32,7 +32,7 @@ def arm_in_motion(policy: BilateralActorCriticPolicy, task: str, seed: int, step
 def main(run: Path, out: Path, seed: int = 11, steps: int = 14) -> None:
     folder = RunFolder.open(run)
     config, policy = folder.config(), load_policy(folder)
-    record = Evaluator(config.task, config.trial, 12, seed).run(policy)
+    record = Evaluator(config.make_task(), config.trial, 12, seed).run(policy)
     paths = Image.fromarray(as_array(hand_paths(record, config.trial.threshold, sum(config.trial.arm.link_length))))
     paths = paths.resize((round(paths.width * HEIGHT / paths.height), HEIGHT), Image.Resampling.LANCZOS)
     both = [np.asarray(arm_in_motion(policy, config.task, seed, steps)), np.asarray(paths)]

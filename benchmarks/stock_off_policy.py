@@ -32,7 +32,7 @@ class Along(BaseCallback):
     def __init__(self, config: RLConfig) -> None:
         super().__init__()
         evaluation = config.evaluation
-        self._evaluator = Evaluator(config.task, config.trial, evaluation.trials, evaluation.seed)
+        self._evaluator = Evaluator(config.make_task(), config.trial, evaluation.trials, evaluation.seed)
         self._every, self._threshold = evaluation.every, config.trial.threshold
         self.rows: list[dict[str, float]] = []
         """A row an evaluation: ``timesteps``, the seconds until then, and the measures."""
@@ -66,7 +66,7 @@ def build(config: RLConfig) -> OffPolicyAlgorithm:
     trial: dict[str, Any] = {name: getattr(config.trial, name) for name in config.trial.__dataclass_fields__}
     return STOCK[config.algo](
         "MlpPolicy",
-        ArmVecEnv(config.n_envs, config.task, **trial),
+        ArmVecEnv(config.n_envs, config.make_task(), **trial),
         learning_starts=given.learning_starts,
         batch_size=given.batch_size,
         train_freq=given.train_freq,
@@ -82,5 +82,5 @@ def train(config: RLConfig) -> tuple[TrialRecord, list[dict[str, float]]]:
     torch.set_num_threads(1)
     model, along = build(config), Along(config)
     model.learn(config.timesteps, callback=along, log_interval=10**9)
-    test = Evaluator(config.task, config.trial, TEST_TRIALS, TEST_SEED)
+    test = Evaluator(config.make_task(), config.trial, TEST_TRIALS, TEST_SEED)
     return test.run(model.policy), along.rows  # type: ignore[arg-type]

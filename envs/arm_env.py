@@ -17,7 +17,7 @@ from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
-from bilateral_rl.envs.tasks import PLACES, Task, Trials, make_task
+from bilateral_rl.envs.tasks import PLACES, TaskLike, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 
 _ARM = np.zeros(1, dtype=np.int32)
@@ -85,7 +85,8 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``.
 
     Args:
-        task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
+        task: ``"random_reach"``, ``"hold_position"``, the name or YAML file of an experiment, or a
+            :class:`~bilateral_rl.envs.tasks.Task`.
         render_mode: None, ``"rgb_array"`` or ``"human"``; at ``metadata["render_fps"]`` pictures a second the arm moves
             four times slower than it does.
         **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`: ``trial_length=50`` (steps),
@@ -102,7 +103,7 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": render_fps(ArmParameters.timestep)}
 
-    def __init__(self, task: str | Task = "random_reach", render_mode: str | None = None, **settings: Any) -> None:
+    def __init__(self, task: TaskLike = "random_reach", render_mode: str | None = None, **settings: Any) -> None:
         task = make_task(task)
         self.batch = TrialBatch(task, settings_for(task, settings), n=1)
         self.settings = self.batch.settings

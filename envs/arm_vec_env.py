@@ -19,7 +19,7 @@ from bilateral_rl.envs.doors import checked_seed, settings_for
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import SceneView, render_fps
-from bilateral_rl.envs.tasks import Task, make_task
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch, check_array
 
@@ -44,7 +44,8 @@ class ArmVecEnv(RunningArms, VecEnv):
 
     Args:
         n_envs: number of arms.
-        task: ``"random_reach"``, ``"hold_position"`` or a :class:`~bilateral_rl.envs.tasks.Task`.
+        task: ``"random_reach"``, ``"hold_position"``, the name or YAML file of an experiment, or a
+            :class:`~bilateral_rl.envs.tasks.Task`.
         render_mode: None, ``"rgb_array"`` or ``"human"``.
         device: where the arms are simulated, ``"cpu"`` or a CUDA device; observations arrive as NumPy arrays.
         seed: arm i uses ``seed + i``, so its trials are those of an ``ArmEnv`` reset with that seed.
@@ -56,7 +57,7 @@ class ArmVecEnv(RunningArms, VecEnv):
     def __init__(
         self,
         n_envs: SupportsIndex,
-        task: str | Task = "random_reach",
+        task: TaskLike = "random_reach",
         render_mode: str | None = None,
         device: str | torch.device = "cpu",
         seed: SupportsIndex | None = None,

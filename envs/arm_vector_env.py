@@ -17,7 +17,7 @@ from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import MAX_DRAWN, SceneView, render_fps
-from bilateral_rl.envs.tasks import Task, make_task
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.envs.trial_streams import TrialStreams
 from bilateral_rl.envs.trials import TrialBatch
 
@@ -57,7 +57,7 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
     def __init__(
         self,
         num_envs: SupportsIndex = 1,
-        task: str | Task = "random_reach",
+        task: TaskLike = "random_reach",
         render_mode: str | None = None,
         device: str | torch.device = "cpu",
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,

@@ -28,6 +28,7 @@ from bilateral_rl.envs.experiment_numbers import (
 )
 from bilateral_rl.envs.quantities import STRICT, Number, Positive
 from bilateral_rl.envs.refusals import refusing_in_a_sentence
+from bilateral_rl.envs.task_specs import TASK_SPECS
 
 Elbow = Literal["positive", "negative"]
 Condition = Literal["field", "null", "channel"]
@@ -306,13 +307,10 @@ def _name(value: str) -> str:
         raise ValueError(
             f"must be a word of letters, digits, _, - and . for folders, of at most {LONGEST_NAME}, got {value!r}"
         )
-    if value in OF_TASKS:
+    if value in TASK_SPECS:
         raise ValueError(f"must not be {value}, which is a task of its own")
     return value
 
-
-OF_TASKS = ("random_reach", "hold_position")
-"""Names that experiments cannot have."""
 
 Text = Annotated[str, Field(max_length=LONGEST_TEXT)]
 

@@ -10,6 +10,8 @@ from bilateral_rl.envs.experiment import Experiment, Place
 from bilateral_rl.envs.experiment_places import check_place, listed_hands
 from bilateral_rl.envs.kinematics import inverse_kinematics
 from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.stability import check_stability
+from bilateral_rl.envs.tasks import HandForces
 
 _APART = 1e-6
 """Positions that are nearer to each other count as one (m)."""
@@ -36,6 +38,31 @@ def check_experiment(experiment: Experiment, settings: TrialSettings) -> None:
     starts = _check_starts(experiment, settings.arm)
     targets = _check_targets(experiment, settings.arm, starts)
     _check_channel(experiment, starts, targets)
+    _check_forces(experiment, settings.arm)
+
+
+def _check_forces(experiment: Experiment, arm: ArmParameters) -> None:
+    """Refuse fields and walls in which the time step alone makes the hand swing."""
+    forces = experiment.forces
+    if forces is None:
+        return
+    stiffness = np.zeros((2, 2)) if forces.elastic_field is None else np.array(forces.elastic_field.stiffness)
+    walls = (0.0, 0.0) if forces.channel is None else (forces.channel.stiffness, forces.channel.damping)
+    kinds = ("curl", "velocity_field", "elastic_field")
+    field = next((kind for kind in kinds if getattr(forces, kind) is not None), None)
+    for name, velocity_gain, position_gain, of_walls in (
+        (field, np.array(forces.velocity_matrix), stiffness, (0.0, 0.0)),
+        ("channel", np.zeros((2, 2)), np.zeros((2, 2)), walls),
+    ):
+        rows = [np.asarray(row, dtype=np.float32)[None] for row in (velocity_gain, position_gain)]
+        still = np.zeros((1, 2), dtype=np.float32)
+        window = np.zeros((1, 2), dtype=np.int32)
+        try:
+            check_stability(
+                HandForces(rows[0], rows[1], still, still, window, np.array([of_walls], dtype=np.float32)), arm
+            )
+        except ValueError as error:
+            raise UnfitExperimentError(f"forces.{name}", str(error)) from None
 
 
 def _check_times(experiment: Experiment, length: int) -> None:

@@ -63,8 +63,7 @@ def experiment_named(name: str) -> Experiment:
     name = ALIASES.get(name, name)
     if name not in PARADIGMS:
         raise ExperimentError(f"Unknown experiment {shown(name)}; choose from {', '.join(PARADIGMS)}.")
-    file = importlib.resources.files("bilateral_rl.envs").joinpath("paradigms", f"{name}.yaml")
-    return _parse(file.read_text(encoding="utf-8"), name, str(file))
+    return _parse(*_shipped(name))
 
 
 def find_experiment(experiment: str | PathLike[str] | Experiment) -> Experiment:
@@ -98,7 +97,23 @@ def unknown_task(task: str) -> str:
     return f"Unknown task {shown(task)}; choose from {', '.join(names)}, or give the .yaml file of an experiment{hint}."
 
 
+def paradigms() -> dict[str, str]:
+    """Return what each experiment that ships is about, by its name."""
+    return {name: _read(*_shipped(name))[0].description for name in PARADIGMS}
+
+
+def _shipped(name: str) -> tuple[str, str, str]:
+    file = importlib.resources.files("bilateral_rl.envs").joinpath("paradigms", f"{name}.yaml")
+    return file.read_text(encoding="utf-8"), name, str(file)
+
+
 def _parse(text: str, name: str, source: str) -> Experiment:
+    experiment, settings, lines = _read(text, name, source)
+    _check_fit(experiment, settings, lines, source)
+    return experiment
+
+
+def _read(text: str, name: str, source: str) -> tuple[Experiment, TrialSettings, Lines]:
     try:
         values, lines = parse_with_lines(text)
     except ValueError as error:
@@ -108,8 +123,7 @@ def _parse(text: str, name: str, source: str) -> Experiment:
         raise ExperimentError(f"{source}, line 1: it {kind}, and an experiment needs start and target by name.")
     experiment = _built(Experiment, {"name": name, **values}, lines, source)
     settings = _built(_TrialSection, {"trial": experiment.trial}, lines, source).trial
-    _check_fit(experiment, settings, lines, source)
-    return experiment
+    return experiment, settings, lines
 
 
 @dataclass(frozen=True, config=STRICT)

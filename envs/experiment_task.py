@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.experiment import Directions, Experiment, ForcePulse, Forces, TargetJump
+from bilateral_rl.envs.experiment_checks import check_experiment
 from bilateral_rl.envs.experiment_places import chosen_index, draw_postures, number_listed
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
 from bilateral_rl.envs.settings import TrialSettings
@@ -68,6 +69,9 @@ class ExperimentTask(Task):
             timeline=timeline,
             forces=self._forces(forces, parts, timeline, hand, hand_position(goal, arm)),
         )
+
+    def check(self, settings: TrialSettings) -> None:
+        check_experiment(self.experiment, settings)
 
     @property
     def features(self) -> frozenset[str]:

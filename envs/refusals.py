@@ -32,18 +32,19 @@ def refusing_in_a_sentence(cls: type[T]) -> type[T]:
     return cls
 
 
-def refusal(cls: type[Any], errors: ValidationError) -> str:
+def refusal(cls: type[Any], errors: ValidationError, within: str = "") -> str:
     """Say the first thing that pydantic found wrong with settings of the dataclass ``cls``, in one sentence.
 
-    It says where, what was expected, and what there is.
+    It says where, ``within`` which setting if need be, what was expected, and what there is.
     """
     error = errors.errors(include_url=False)[0]
     path = place(error["loc"])
-    name, kind, value = ".".join(path), error["type"], error["input"]
+    name, kind, value = ".".join([*filter(None, [within]), *path]), error["type"], error["input"]
     if kind in ("missing", "missing_argument") and isinstance(error["loc"][-1], str):
         return f"{name} must be given."
     if kind in ("unexpected_keyword_argument", "invalid_key"):
-        where = f"in {'.'.join(path[:-1])}" if path[:-1] else "among the settings"
+        around = ".".join([*filter(None, [within]), *path[:-1]])
+        where = f"in {around}" if around else "among the settings"
         inside = _field_type(cls, path[:-1])
         names = [f.name for f in dataclasses.fields(inside)]
         if owner := next((n for n in names if path and path[-1] in _names(_field_type(inside, [n]))), None):

@@ -2,16 +2,16 @@
 
 from gymnasium.envs.registration import register, registry
 
-from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.task_specs import EXPERIMENT_ID, PARADIGMS, TASK_SPECS
 
-ENVIRONMENT_IDS = {task: spec.environment_id for task, spec in TASK_SPECS.items()}
-"""Gymnasium's name of each task."""
+ENVIRONMENT_IDS = {task: spec.environment_id for task, spec in TASK_SPECS.items()} | PARADIGMS
+"""Gymnasium's name of each task and of each experiment that ships."""
 
-for _task, _id in ENVIRONMENT_IDS.items():
+for _task, _id in (*ENVIRONMENT_IDS.items(), (None, EXPERIMENT_ID)):
     if _id not in registry:
         register(
             id=_id,
             entry_point="bilateral_rl.envs.arm_env:make_arm_env",
             vector_entry_point="bilateral_rl.envs.arm_vector_env:ArmVectorEnv",
-            kwargs={"task": _task},
+            kwargs={} if _task is None else {"task": _task},
         )

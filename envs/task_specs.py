@@ -44,5 +44,7 @@ PARADIGMS: dict[str, str] = {
     "delayed_reach": "bilateral_rl/DelayedReach-v0",
 }
 """The experiments that ship, ``paradigms/<name>.yaml``, by name, and their names in Gymnasium."""
+EXPERIMENT_ID = "bilateral_rl/Experiment-v0"
+"""Name in Gymnasium of an environment of any experiment."""
 ALIASES = {"centre_out": "center_out"}
 """Other names of experiments."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +109,10 @@ class Task(ABC):
             lie within the joint limits; anything else is refused when the trials begin.
         """
 
+    def check(self, settings: TrialSettings) -> None:
+        """Raise a ValueError for settings that its trials cannot run with; by itself, a task has none such."""
+        return
+
     @property
     def features(self) -> frozenset[str]:
         """Which of :data:`FEATURES` some of its trials may have, which says what can be measured in them."""
@@ -162,7 +166,11 @@ class HoldPosition(Task):
 TASKS: dict[str, type[Task]] = {task.id: task for task in (RandomReach, HoldPosition)}
 
 
-def make_task(task: str | PathLike[str] | Task | Experiment) -> Task:
+TaskLike: TypeAlias = "str | PathLike[str] | Task | Experiment"
+"""What names or is a task."""
+
+
+def make_task(task: TaskLike) -> Task:
     """Return a task.
 
     Args:

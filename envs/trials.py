@@ -118,6 +118,7 @@ class TrialBatch:
         if not isinstance(task, Task):
             raise TypeError(f"task must be a Task, got {shown(task)}.")
         settings, n, device = renewed(settings, TrialSettings), _n_arms(n), known_device(device)
+        task.check(settings)
         self.__dict__.update(task=task, settings=settings, n=n, device=device)
         self._n_uniform = whole_number("n_uniform of a task", task.n_uniform, 0)
         self._length = settings.trial_length

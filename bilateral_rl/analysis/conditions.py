@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from bilateral_rl.config.bounds import check_trial
-from bilateral_rl.config.catalogue import check_choice
-from bilateral_rl.config.parse import flat, merge
+from bilateral_rl.config.bounds import check_fit, check_trial
+from bilateral_rl.config.parse import flat, merge, plain_values
 from bilateral_rl.config.resolve import from_values
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.tasks import TaskWords, choose_task
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 
 _OF_LOADS = ("trial.load", "trial.max_load")
@@ -29,46 +27,65 @@ _SCALES = ("optimal_muscle_length", "normalized_max_velocity")
 class Conditions:
     """Under what a run's policies are tested."""
 
-    task: str
-    """The task's id."""
-    settings: TrialSettings
-    """How trials run."""
+    config: TrainConfig
+    """The run's configuration, with the task and the trials of the test."""
     changed: Mapping[str, Any]
     """What differs from the training, by the name in config.yaml: ``{"trial.sensory_noise": 0.01}``."""
     notes: tuple[str, ...] = ()
     """Sentences on what these changes mean where that is easily missed."""
 
+    @property
+    def task(self) -> str:
+        """The task's name."""
+        return self.config.task
 
-def conditions(config: TrainConfig, task: str | None = None, settings: Mapping[str, Any] | None = None) -> Conditions:
+    @property
+    def settings(self) -> TrialSettings:
+        """How trials run."""
+        return self.config.trial
+
+
+def conditions(
+    config: TrainConfig, task: TaskWords | None = None, settings: Mapping[str, Any] | None = None
+) -> Conditions:
     """Return the conditions of a run's training, with another task or other settings of trials.
 
     Args:
         config: the run's configuration.
-        task: another task; None for the run's.
-        settings: nested dictionaries as in config.yaml, such as ``{"trial": {"sensory_noise": 0.01}}``.
+        task: another task, an experiment or its file, whose settings of trials go over the run's; None for the run's.
+        settings: nested dictionaries as in config.yaml, such as ``{"trial": {"sensory_noise": 0.01}}``, or changes of
+            the experiment, such as ``{"experiment": {"forces": {"curl": 10}}}``.
 
     Raises:
         UserError: an unknown task, a setting that does not exist or is out of bounds, or one that changes nothing here.
     """
-    if task is not None:
-        check_choice("task", task, TASK_SPECS)
     settings = settings or {}
     for name, _ in flat(settings):
-        if name.split(".")[0] != "trial":
+        if name.split(".")[0] not in ("trial", "experiment"):
             known = name in {field.name for field in dataclasses.fields(TrialSettings)}
             hint = f"did you mean trial.{name}?" if known else "such as trial.sensory_noise."
             raise UserError(f"{name} changes nothing in a test, which takes settings of trials alone: {hint}")
-    changed_config = from_values(merge(config.to_values(), {**settings, "task": task or config.task}))
+    values = config.to_values()
+    found = choose_task(None if task == config.task else task, [values, settings], config.task)
+    experiment = None if found.experiment is None else plain_values(found.experiment)
+    of_task = {} if found.task == config.task else {"trial": found.trial}
+    over = {**merge(of_task, settings), "task": found.task}
+    changed_config = from_values(merge(values, over) | {"experiment": experiment})
     check_trial(changed_config)
+    check_fit(changed_config)
     _refuse_without_effect(config, changed_config, settings)
     changed = dict(_differences(config, changed_config))
     notes = tuple(_notes(config.trial, changed_config.trial))
-    return Conditions(changed_config.task, changed_config.trial, changed, notes)
+    return Conditions(changed_config, changed, notes)
 
 
 def _differences(config: TrainConfig, changed: TrainConfig) -> Iterator[tuple[str, Any]]:
-    before, after = dict(flat(config.to_values())), dict(flat(changed.to_values()))
-    return ((name, value) for name, value in after.items() if value != before[name])
+    """Yield what differs by its name; of another experiment the name says it all."""
+    before, after = config.to_values(), changed.to_values()
+    if config.task != changed.task:
+        before["experiment"] = after["experiment"] = None
+    known = dict(flat(before))
+    return ((name, value) for name, value in flat(after) if name not in known or value != known[name])
 
 
 def _refuse_without_effect(config: TrainConfig, changed: TrainConfig, settings: Mapping[str, Any]) -> None:
@@ -76,12 +93,12 @@ def _refuse_without_effect(config: TrainConfig, changed: TrainConfig, settings: 
     of_loads = [name for name, _ in flat(settings) if name in _OF_LOADS]
     if not of_loads:
         return
-    task = make_task(changed.task)
+    task = changed.make_task()
     uniform = np.random.default_rng(0).random((16, task.n_uniform))
     small = task.trials(uniform, dataclasses.replace(changed.trial, load="axes", max_load=1.0))
     large = task.trials(uniform, dataclasses.replace(changed.trial, load="direction", max_load=2.0))
     if np.array_equal(small.load, large.load):
-        raise UserError(f"{of_loads[0]} changes nothing in {changed.task}, which has no load: leave it out.")
+        raise UserError(f"{of_loads[0]} changes nothing in {changed.task}, which draws no load: leave it out.")
 
 
 def _notes(trained: TrialSettings, tested: TrialSettings) -> Iterator[str]:

@@ -21,7 +21,7 @@ from bilateral_rl.analysis.metric import IN, Better, GoalMetric, Metric, mean
 from bilateral_rl.analysis.trial_parts import cued, over_reaches
 from bilateral_rl.analysis.trial_plans import CONDITIONS
 from bilateral_rl.analysis.trials import TrialRecord
-from bilateral_rl.envs.tasks import Task, make_task
+from bilateral_rl.envs.tasks import Task, TaskLike, make_task
 from bilateral_rl.io.errors import UserError
 
 _REACH, _HOLD, _BOTH = ("reach",), ("hold",), ()
@@ -29,7 +29,7 @@ _KINDS = {"goal_completion": "reach", "time_in_goal": "hold"}
 """What a task is, by what it is judged by."""
 
 
-def metrics_of(task: str | Task, radii: Sequence[float]) -> list[Metric]:
+def metrics_of(task: TaskLike, radii: Sequence[float]) -> list[Metric]:
     """Return all metrics that mean something in ``task``, each once; of mixed trials also those of each condition.
 
     Args:
@@ -46,7 +46,7 @@ def metrics_of(task: str | Task, radii: Sequence[float]) -> list[Metric]:
     return plain + [metric.within(condition) for condition in known.mixes for metric in plain]
 
 
-def means_something(metric: Metric, task: str | Task) -> bool:
+def means_something(metric: Metric, task: TaskLike) -> bool:
     """Return whether a task has what a metric needs. Raises UserError if the task does not exist."""
     known = _known(task)
     return {_KINDS[known.judged_by], *known.features}.issuperset(metric.needs)
@@ -82,7 +82,7 @@ def metric_name(start: str, radius: float) -> str:
     return f"{start}_{in_centimeters(radius)}cm" if start in _GOAL_METRICS else start
 
 
-def preferred_metric(task: str | Task, radius: float) -> str:
+def preferred_metric(task: TaskLike, radius: float) -> str:
     """Return the name of what a task is judged by, at a goal of ``radius`` (m).
 
     That is the share of completed reaches, or the time in the goal in a hold, as the paper judges its own (section 7).
@@ -116,7 +116,7 @@ def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
     return {metric.name: metric.value(record) for metric in metrics}
 
 
-def _known(task: str | Task) -> Task:
+def _known(task: TaskLike) -> Task:
     try:
         return make_task(task)
     except ValueError as error:

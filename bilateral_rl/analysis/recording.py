@@ -158,7 +158,7 @@ def record(
     for i, (number, policy) in itertools.product(range(len(names)), policies.items()):
         for first, n in parts:
             if evaluator is None or len(parts) > 1:
-                evaluator = Evaluator(conditions.task, conditions.settings, n, seed + first)
+                evaluator = Evaluator(conditions.config.make_task(), conditions.settings, n, seed + first)
             with policy.motor_network.lesioned(lesions[names[i]]):
                 arrays = _arrays(evaluator, policy, conditions.settings)
             labels = {"seed": np.full(n, number), "lesion": np.repeat(names[[i]], n), "trial": first + np.arange(n)}

@@ -9,7 +9,6 @@ import pandas as pd
 
 from bilateral_rl.analysis.protocols import RETRAINED, Protocol
 from bilateral_rl.config.catalogue import ALGORITHMS, MAX_SEEDS, MODELS
-from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.csv_tables import column_names, read_table
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS
@@ -42,7 +41,6 @@ _OLD_KINDS: dict[str, type] = {
 _NOTHING, _UNKNOWN = "none", "unknown"
 _WORDS: dict[str, tuple[str, ...]] = {
     "model": tuple(MODELS),
-    "task": tuple(TASKS),
     "algo": tuple(ALGORITHMS),
     "lesion": (INTACT, *LESIONS),
     "network": NETWORKS,

@@ -21,7 +21,7 @@ from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
 from bilateral_rl.envs.measures import TrialMeasures, trial_measures
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import Task, Trials, make_task
+from bilateral_rl.envs.tasks import TaskLike, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
@@ -123,7 +123,7 @@ class Evaluator:
     """
 
     def __init__(
-        self, task: str | Task, settings: TrialSettings, trials: int, seed: int, device: str | torch.device = "cpu"
+        self, task: TaskLike, settings: TrialSettings, trials: int, seed: int, device: str | torch.device = "cpu"
     ) -> None:
         self._batch = TrialBatch(make_task(task), settings, trials, device)
         first = whole_number("seed", seed, 0)

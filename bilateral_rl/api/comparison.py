@@ -22,6 +22,7 @@ from bilateral_rl.api.checks import Names, check_tests, names
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.tasks import Task
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.policies import load_policies
@@ -141,7 +142,9 @@ def compare(
     tasks = {config.task for config in configs}
     if len(tasks) > 1:
         raise UserError(f"Runs of different tasks cannot be compared: {', '.join(sorted(tasks))}.")
-    found_metrics = _metrics(names("--metric", metrics), configs[0].task, configs[0].trial.threshold)
+    if any(config.experiment != configs[0].experiment for config in configs):
+        raise UserError(f"Runs of {configs[0].task} cannot be compared where that is not the same experiment in each.")
+    found_metrics = _metrics(names("--metric", metrics), configs[0].make_task(), configs[0].trial.threshold)
     protocols = names("--retrain", retrain)
     if len(chosen) == 1:
         folder = LesionFolder(chosen[0].lesions_folder)
@@ -152,11 +155,11 @@ def compare(
     return _compare_models(chosen, configs, found_metrics, trials, seed)
 
 
-def _metrics(requested: Sequence[str] | None, task: str, radius: float) -> list[Metric]:
+def _metrics(requested: Sequence[str] | None, task: Task, radius: float) -> list[Metric]:
     metrics = [find_metric(name) for name in requested or [preferred_metric(task, radius)]]
     for metric in metrics:
         if not means_something(metric, task):
-            raise UserError(f"{metric.name} means nothing in {task}; leave it out of --metric.")
+            raise UserError(f"{metric.name} means nothing in {task.id}; leave it out of --metric.")
     return metrics
 
 
@@ -165,7 +168,7 @@ def _compare_models(
 ) -> Comparison:
     labels, rows = _labels(runs, configs), []
     for run, config, label in zip(runs, configs, labels, strict=True):
-        evaluator = Evaluator(config.task, config.trial, trials, seed)
+        evaluator = Evaluator(config.make_task(), config.trial, trials, seed)
         head = (label, config.task, config.algo)
         for number, policy in load_policies(run.folder, seed=run.only).items():
             rows += [

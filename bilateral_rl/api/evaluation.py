@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -79,9 +78,9 @@ def evaluate(
     policies = load_policies(run.folder, weights, run.only)
     for policy in policies.values():
         policy.motor_network.set_lesion(lesion_of(run.folder, config, policy.motor_network, lesion))
-    evaluator = Evaluator(under.task, under.settings, trials, seed)
+    evaluator = Evaluator(under.config.make_task(), under.settings, trials, seed)
     deterministic = flag("--deterministic", deterministic)
     records = {number: evaluator.run(policy, deterministic) for number, policy in policies.items()}
     modulations = side_modulations({number: policy.motor_network for number, policy in policies.items()}, records)
-    tested = dataclasses.replace(config, task=under.task, trial=under.settings)
+    tested = under.config
     return Evaluation(tested, under, lesion, records, modulations)

@@ -26,7 +26,7 @@ def export(run: Run, out: str | Path, *, trials: int, seed: int, weights: str) -
     config = exported_config(run.folder, run.only)
     measures = [
         Measured(metric.name, metric.label, metric.unit, [metric.value(record) for record in records.values()])
-        for metric in metrics_of(config.task, [config.trial.threshold])
+        for metric in metrics_of(config.make_task(), [config.trial.threshold])
     ]
     returns = np.concatenate([record.vector_return.mean(axis=1) for record in records.values()])
     tests = f"Means over {trials:,} trials, those of `bilateral-rl evaluate FOLDER --trials {trials} --seed {seed}`"

@@ -15,6 +15,7 @@ from bilateral_rl.analysis.recording import Recording
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.api.checks import whole
 from bilateral_rl.api.wording import in_python
+from bilateral_rl.envs.tasks import RandomReach, make_task
 from bilateral_rl.figures import curves as learning
 from bilateral_rl.figures.adaptation import MEASURES, draw_blocks
 from bilateral_rl.figures.center_out import MOST_TARGETS, Reaches, draw_center_out, has_few_targets
@@ -212,7 +213,7 @@ def plot_curves(curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | 
     if sum(curves[name].notna().any() for name in learning.PROGRESS if name in curves) != 1:
         raise UserError("Trainings by epochs and by steps have no axis in common; draw each in one of its own.")
     task = _only("task", curves["task"].unique().tolist())
-    usual = learning.PREFERRED[task]
+    usual = learning.PREFERRED[_judged_by(task)]
     known = {column.name: column for column in (usual, learning.FINAL_ERROR, learning.VALIDATION_LOSS)}
     name = measure or usual.name
     if name not in curves or not pd.api.types.is_numeric_dtype(curves[name]):
@@ -235,6 +236,14 @@ def _cues(hand: np.ndarray, seen_target: np.ndarray) -> tuple[np.ndarray, np.nda
     """Return the step (n,) at which a target other than the start is first seen, and whether one is, (n,)."""
     elsewhere = np.abs(seen_target - hand[:, :1]).max(axis=2) > SAME_PLACE
     return elsewhere.argmax(axis=1), elsewhere.any(axis=1)
+
+
+def _judged_by(task: str) -> str:
+    """Return what a task is judged by that a table names; one that only its user has counts as one of reaching."""
+    try:
+        return make_task(task).judged_by
+    except ValueError:
+        return RandomReach.judged_by
 
 
 def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:

@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.bars import Bars, draws
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import Terminal
@@ -110,7 +109,7 @@ class TrainingProgress(progress.Progress):
     def _judged(self, measures: dict[str, float]) -> str:
         """Say how well the task is done; a hold starts in the goal, so that any network completes it."""
         inside = f"{measures['time_in_goal_steps']:.0f}"
-        if TASK_SPECS[self._config.task].judged_by == "time_in_goal":
+        if self._config.judged_by == "time_in_goal":
             return f"{inside} of {self._config.trial.trial_length} steps in goal"
         goal = f"goal {measures['goal_completion_percent']:.0f} %"
         return goal if self._draws else f"{goal}, {inside} steps in goal"

@@ -101,7 +101,7 @@ def make_video(
     _check_speed(slow_down := whole("--slow-down", slow_down), settings.arm.timestep)
     path = default_path(actors, lesion, weights) if out is None else as_path("--out", out)
     files.check_path(path)
-    evaluator = Evaluator(actors[0].config.task, settings, trials, seed)
+    evaluator = Evaluator(actors[0].config.make_task(), settings, trials, seed)
     performances = [
         actor.perform(evaluator, lesion, settings.threshold, label)
         for actor, label in zip(actors, labels(actors, lesion), strict=True)

@@ -24,7 +24,6 @@ from bilateral_rl.bptt.trials import epoch_order, stacked, training_trials, vali
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.vocabulary import Loss
 
@@ -68,7 +67,7 @@ class Trainer:
         self.columns = history_columns(config, layout)
         self._loss = config.spec.loss
         self._groups = groups(layout)
-        task, settings = make_task(config.task), config.bptt
+        task, settings = config.make_task(), config.bptt
         self._conditions = Conditions.of(task, config.trial, config.network.hidden_noise)
         self._training = stacked(
             [training_trials(seed, settings.trials, task, config.trial) for seed in config.all_seeds], config.device

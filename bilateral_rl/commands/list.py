@@ -10,6 +10,7 @@ from rich.table import Table
 
 from bilateral_rl.api.listing import Listed, listed
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
+from bilateral_rl.envs.experiment_files import paradigms
 from bilateral_rl.envs.task_specs import TASK_SPECS
 
 
@@ -20,7 +21,7 @@ def list_all(out: Path, console: Console) -> None:
         models.add_row(name, model.architecture, model.loss, model.description)
     console.print(models)
     tasks = {name: spec.description for name, spec in TASK_SPECS.items()}
-    for title, entries in (("Tasks", tasks), ("Algorithms", ALGORITHMS)):
+    for title, entries in (("Tasks", tasks), ("Experiments", paradigms()), ("Algorithms", ALGORITHMS)):
         table = Table("name", "", title=title, title_justify="left")
         for name, description in entries.items():
             table.add_row(name, description)

@@ -86,5 +86,5 @@ def _preferred(study: Sweep) -> list[Metric]:
     names: dict[str, None] = {}
     for point in study.points():
         config = study.config(point)
-        names[preferred_metric(config.task, config.trial.threshold)] = None
+        names[preferred_metric(config.make_task(), config.trial.threshold)] = None
     return [find_metric(name) for name in [*names, "final_error"]]

@@ -62,7 +62,7 @@ def _report(outcome: Outcome, console: Console, session: str = "") -> None:
         track = " --track" if config.to_values().get("track") else ""
         console.print(f"Go on with: bilateral-rl train --resume {path}{track}", soft_wrap=True)
         sys.exit(128 + outcome.stopped_by)
-    evaluator = Evaluator(config.task, config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
+    evaluator = Evaluator(config.make_task(), config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
     learned = f"has learned ({minutes})" if session else f"learned in {minutes}"
     records = {seed: evaluator.run(policy) for seed, policy in outcome.policies.items()}
     console.print(measures_table(records, config, f"What {config.model} {learned}, {SUMMARY_TRIALS} new trials"))
@@ -91,5 +91,7 @@ def _next_training(config: TrainConfig, path: str, out: Path) -> str:
     if config.algo == "bptt":
         same = f"--model {config.model} --task {config.task}"
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed}{into}"
+    if config.task not in TASK_SPECS:
+        return f"bilateral-rl record {path} --out trials.csv"
     other = next(task for task in TASK_SPECS if task != config.task)
     return f"bilateral-rl train --model {config.model} --task {other}{into}"

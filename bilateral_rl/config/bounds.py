@@ -48,6 +48,7 @@ def check(config: TrainConfig) -> None:
     if isinstance(config, BPTTConfig):
         _check_bptt(config)
     check_trial(config)
+    check_fit(config)
     for name, size in _parameters(config):
         if size > MOST_PARAMETERS:
             raise UserError(f"The number of parameters of {name} must be at most {MOST_PARAMETERS:,}, got {size:,}.")
@@ -61,6 +62,18 @@ def check_trial(config: TrainConfig) -> None:
     for name, value in _numbers("trial", dataclasses.asdict(config.trial)):
         if value and not SMALLEST <= abs(value) <= LARGEST:
             raise UserError(f"{name} must lie between {SMALLEST:g} and {LARGEST:g} in size, got {value:g}.")
+
+
+def check_fit(config: TrainConfig) -> None:
+    """Raise a UserError for an experiment that cannot run on this arm, or in trials of this length."""
+    if config.experiment is None:
+        return
+    from bilateral_rl.envs.experiment_checks import UnfitExperimentError, check_experiment  # numerical
+
+    try:
+        check_experiment(config.experiment, config.trial)
+    except UnfitExperimentError as error:
+        raise UserError(f"experiment.{error}") from None
 
 
 def check_updates(config: TrainConfig) -> None:

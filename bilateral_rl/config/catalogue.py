@@ -1,10 +1,9 @@
-"""The seven models, the tasks and the algorithms, as data (paper section 1)."""
+"""The seven models and the algorithms, as data (paper section 1)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import Architecture, Loss
 
@@ -55,8 +54,7 @@ def find_model(name: str) -> ModelSpec:
     return MODELS[name]
 
 
-def check_names(algo: str, model: str, task: str) -> None:
-    """Raise a UserError if one of the three is unknown."""
+def check_names(algo: str, model: str) -> None:
+    """Raise a UserError if one of the two is unknown."""
     check_choice("algorithm", algo, ALGORITHMS)
     check_choice("model", model, MODELS)
-    check_choice("task", task, TASK_SPECS)

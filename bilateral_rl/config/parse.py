@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import typing
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -69,8 +71,13 @@ def parse_overrides(items: Sequence[str], example: str = "ppo.learning_rate=0.00
 T = TypeVar("T")
 
 
-def build(cls: type[T], values: Mapping[str, Any]) -> T:
+def build(cls: type[T], values: Mapping[str, Any], within: str = "") -> T:
     """Return an instance of the dataclass ``cls``, nested dataclasses included, from nested dictionaries.
+
+    Args:
+        cls: the dataclass.
+        values: its fields.
+        within: the setting that holds it, for the sentence of an error.
 
     Raises:
         UserError: an unknown name, a value of the wrong type or outside its bounds, or one that the dataclass refuses.
@@ -78,7 +85,12 @@ def build(cls: type[T], values: Mapping[str, Any]) -> T:
     try:
         return TypeAdapter(cls).validate_python(values)
     except ValidationError as error:
-        raise UserError(refusal(cls, error)) from None
+        raise UserError(refusal(cls, error, within)) from None
+
+
+def plain_values(settings: Any) -> Values:
+    """Return the nested dictionaries of a dataclass of settings, with lists in place of tuples."""
+    return typing.cast(Values, plain(dataclasses.asdict(settings)))
 
 
 def plain(value: Any) -> Any:

@@ -12,14 +12,17 @@ import yaml
 
 from bilateral_rl.config.bounds import check
 from bilateral_rl.config.catalogue import check_names
-from bilateral_rl.config.parse import Values, build, merge
+from bilateral_rl.config.parse import Values, build, merge, plain_values
 from bilateral_rl.config.schema import CONFIGS, SACConfig, TrainConfig
-from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
 from bilateral_rl.io.errors import UserError
 
 
 def resolve(
-    algo: str | None, task: str | None, layers: Sequence[Mapping[str, Any]] = (), model: str | None = None
+    algo: str | None,
+    task: TaskWords | None,
+    layers: Sequence[Mapping[str, Any]] = (),
+    model: str | None = None,
 ) -> TrainConfig:
     """Build the configuration: the tuned defaults of the algorithm and task, then each of ``layers`` over it.
 
@@ -29,22 +32,24 @@ def resolve(
 
     Args:
         algo: an algorithm, or None for the one that the layers name.
-        task: a task, or None for the one that the layers name.
+        task: a task, an experiment or its file, or a class as ``module:Class``; None for the one that the layers name.
         layers: nested dictionaries of settings; later ones win.
         model: a model, or None for the one that the layers name.
 
     Raises:
         UserError: an unknown name or key, a value of the wrong type, or a number that cannot work.
     """
-    chosen = {name: value for name, value in (("algo", algo), ("task", task), ("model", model)) if value is not None}
+    chosen = {name: value for name, value in (("algo", algo), ("model", model)) if value is not None}
     names = _names_of({name: value for layer in (*layers, chosen) for name, value in layer.items()})
     check_names(**names)
-    values = tuned_defaults(names["algo"], names["task"])
+    found = choose_task(task, layers, TrainConfig.task)
+    values = _usual(names["algo"], found)
     for layer in map(_without_what_is_gone, layers):
-        if _is_whole(layer) and not _is_of_another(layer, names):
+        if _is_whole(layer) and not _is_of_another(layer, names["algo"], found):
             values = {}
-        values = merge(values, _without_defaults(layer) if _is_of_another(layer, names) else layer)
-    config = from_values(values | names)
+        values = merge(values, _without_defaults(layer) if _is_of_another(layer, names["algo"], found) else layer)
+    experiment = None if found.experiment is None else plain_values(found.experiment)
+    config = from_values(values | names | {"task": found.task, "experiment": experiment})
     check(config)
     for layer in layers:
         if not _is_whole(layer):
@@ -65,12 +70,15 @@ def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
 
 
 def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
-    return {name: str(values.get(name, getattr(TrainConfig, name))) for name in ("algo", "model", "task")}
+    return {name: str(values.get(name, getattr(TrainConfig, name))) for name in ("algo", "model")}
 
 
-def _is_of_another(layer: Mapping[str, Any], names: Mapping[str, str]) -> bool:
-    """Whether ``layer`` is the whole configuration of a run, but of another algorithm or task than ``names``."""
-    return _is_whole(layer) and (layer["algo"], layer["task"]) != (names["algo"], names["task"])
+def _is_of_another(layer: Mapping[str, Any], algo: str, task: TaskChoice) -> bool:
+    """Whether ``layer`` is the whole configuration of a run, but of another algorithm or task.
+
+    Experiments are told by their names: what a run of one has changed is of that one.
+    """
+    return _is_whole(layer) and (layer["algo"], layer["task"]) != (algo, task.task)
 
 
 def _is_whole(layer: Mapping[str, Any]) -> bool:
@@ -81,7 +89,7 @@ def _is_whole(layer: Mapping[str, Any]) -> bool:
     algo, trial = str(layer.get("algo")), layer.get("trial")
     return (
         algo in CONFIGS
-        and str(layer.get("task")) in TASK_SPECS
+        and isinstance(layer.get("task"), str)
         and layer.keys() >= {*_OF_EVERY_RUN, algo}
         and isinstance(layer["network"], Mapping)
         and isinstance(trial, Mapping)
@@ -109,11 +117,14 @@ def _without_defaults(layer: Mapping[str, Any]) -> Values:
 
     Only that was somebody's choice: the rest was tuned for what it is no longer used for.
     """
-    return _difference(layer, _defaults(layer["algo"], layer["task"]))
+    algo = layer["algo"]
+    usual = from_values({"algo": algo} | _usual(algo, choose_task(None, [layer], TrainConfig.task))).to_values()
+    return {name: value for name, value in _difference(layer, usual).items() if name not in ("task", "experiment")}
 
 
-def _defaults(algo: str, task: str) -> Values:
-    return from_values({"algo": algo} | tuned_defaults(algo, task)).to_values()
+def _usual(algo: str, task: TaskChoice) -> Values:
+    """Return the tuned defaults of an algorithm and a task, and the settings of trials that the task has."""
+    return merge(tuned_defaults(algo, task.tuned_as), {"trial": task.trial} if task.trial else {})
 
 
 def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:

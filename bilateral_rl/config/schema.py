@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import re
 import typing
 from abc import ABC, abstractmethod
 from dataclasses import field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.config.catalogue import MAX_SEEDS, ModelSpec, find_model
+from bilateral_rl.config.code_tasks import code_task, is_code
 from bilateral_rl.config.hyperparameters import (
     A2CHyperparameters,
     AtOnce,
@@ -26,10 +26,15 @@ from bilateral_rl.config.hyperparameters import (
     StreamHyperparameters,
     TD3Hyperparameters,
 )
-from bilateral_rl.config.parse import Values, plain
+from bilateral_rl.config.parse import Values, plain_values
+from bilateral_rl.config.tasks import JudgedBy, TaskChoice
+from bilateral_rl.envs.experiment import Experiment
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, Group, Penalty, Profile
+
+if TYPE_CHECKING:
+    from bilateral_rl.envs.tasks import Task
 
 MAX_SEED = 2**32 - 1
 MOST_UNITS, MOST_LAYERS, MOST_THREADS = 10_000, 100, 1_000
@@ -117,7 +122,9 @@ class TrainConfig(ABC):
     model: str = "cc_s"
     """The network and what trains it, such as "cc_s"; ``bilateral-rl list`` names all."""
     task: str = "random_reach"
-    """What the arm is to do."""
+    """What the arm is to do: a task or an experiment by its name, or a class as ``module:Class``."""
+    experiment: Experiment | None = None
+    """The experiment, where the task is one."""
     seed: Seed = 0
     """Seed of weights, exploration and trials."""
     seeds: Annotated[Whole, Field(ge=1, le=MAX_SEEDS)] = 1
@@ -158,6 +165,28 @@ class TrainConfig(ABC):
         """Seeds of the networks that the run trains."""
         return [self.seed + i for i in range(self.seeds)]
 
+    def make_task(self) -> Task:
+        """Return the task.
+
+        Raises:
+            UserError: it is a class that the user has not named to this process, or that cannot be imported.
+        """
+        if self.experiment is None and is_code(self.task):
+            return code_task(self.task)
+        from bilateral_rl.envs.tasks import make_task  # numerical
+
+        return make_task(self.task if self.experiment is None else self.experiment)
+
+    @property
+    def judged_by(self) -> JudgedBy:
+        """The measure that says how well the task is done, "goal_completion" or "time_in_goal"."""
+        return TaskChoice(self.task, self.experiment).judged_by
+
+    @property
+    def task_folder(self) -> str:
+        """The folder of the task's runs among all: the task's id."""
+        return self.make_task().id if self.experiment is None and is_code(self.task) else self.task
+
     @property
     def spec(self) -> ModelSpec:
         """The model's architecture and loss."""
@@ -175,7 +204,7 @@ class TrainConfig(ABC):
 
     def to_values(self) -> Values:
         """Return nested dictionaries of plain numbers, strings and lists."""
-        return typing.cast(Values, plain(dataclasses.asdict(self)))
+        return plain_values(self)
 
 
 @dataclass(frozen=True, config=STRICT)

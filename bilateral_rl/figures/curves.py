@@ -14,7 +14,6 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, StrMethod
 
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.samples import Float64
-from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.figures.labels import axis_label, model_label
 from bilateral_rl.figures.style import (
     families,
@@ -46,10 +45,8 @@ COMPLETION = HistoryColumn("goal_completion_percent", "Goal completion", "%")
 TIME_IN_GOAL = HistoryColumn("time_in_goal_steps", "Time in goal", "steps")
 FINAL_ERROR = HistoryColumn("final_error_cm", "Final error", "cm", logarithmic=True)
 VALIDATION_LOSS = HistoryColumn("validation_loss", "Validation loss", logarithmic=True)
-PREFERRED = {
-    task: COMPLETION if spec.judged_by == "goal_completion" else TIME_IN_GOAL for task, spec in TASK_SPECS.items()
-}
-"""The measure by which the paper judges each task (section 7), in a training's history."""
+PREFERRED = {"goal_completion": COMPLETION, "time_in_goal": TIME_IN_GOAL}
+"""What tasks are judged by (paper section 7), in a training's history."""
 
 PROGRESS = {"epoch": "Epoch", "timesteps": "Environment steps"}
 """Columns that count how far a training has come, and their words for the axis."""

@@ -14,6 +14,7 @@ from matplotlib.ticker import EngFormatter
 from bilateral_rl.analysis.floor import AT_FLOOR, is_above
 from bilateral_rl.analysis.results import FRESH, TRAINED
 from bilateral_rl.analysis.specialization import ALONE, specialization_index
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.figures.curves import PREFERRED, PROGRESS, carried_forward, interval_over_seeds
 from bilateral_rl.figures.hemispheres import DOMINANT_STYLE, NON_DOMINANT_STYLE
 from bilateral_rl.figures.labels import axis_label, model_label, task_label
@@ -42,7 +43,7 @@ _FLOOR = "At the floor: neither hemisphere alone is better than that of fresh ne
 _PROGRESS = "timesteps"
 
 
-def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
+def specialization_over_training(probes: pd.DataFrame, task: TaskLike) -> Figure:
     """Draw what each hemisphere does alone as its network learns, and the specialization index, a column a model.
 
     The index is that of :func:`bilateral_rl.analysis.specialization.specialization_index`, but none where neither
@@ -54,7 +55,8 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
             most four models.
         task: the task that they learned.
     """
-    models, measure = in_order(probes["model"]), PREFERRED[task]
+    learned = make_task(task)
+    models, measure = in_order(probes["model"]), PREFERRED[learned.judged_by]
     figure = new_figure(5.2)
     above, below = figure.subplots(2, len(models), sharex=True, sharey="row", squeeze=False)
     for i, model in enumerate(models):
@@ -80,7 +82,7 @@ def specialization_over_training(probes: pd.DataFrame, task: str) -> Figure:
     below[0].set_ylim(-1.05, 1.05)
     entries = _legend([*above, *below])
     set_title_and_legend(
-        figure, f"{task_label(task)}: specialization over training", [*entries.values()], [*entries.keys()]
+        figure, f"{task_label(learned.id)}: specialization over training", [*entries.values()], [*entries.keys()]
     )
     meaning = "Index: (d − n) / (d + n); d, n: value with the dominant, the non-dominant hemisphere alone."
     floor_note = f"\n{_FLOOR}" if AT_FLOOR in entries else ""

@@ -15,8 +15,7 @@ from bilateral_rl.config.catalogue import ALGORITHMS
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.doors import arguments_for
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.envs.tasks import make_task
+from bilateral_rl.envs.task_specs import EXPERIMENT_ID, TASK_SPECS
 from bilateral_rl.io.text import seed_range
 
 _DIGITS = 5
@@ -64,7 +63,7 @@ def model_card(config: TrainConfig, measures: Sequence[Measured], reward: tuple[
 
 def _metadata(config: TrainConfig, measures: Sequence[Measured], reward: tuple[float, float]) -> dict[str, Any]:
     kind = "robotics" if config.algo == "bptt" else "reinforcement-learning"
-    environment = TASK_SPECS[config.task].environment_id
+    environment = _environment(config)
     metrics = [
         {"type": measure.name, "value": _rounded(measure.mean), "name": _with_unit(measure), "verified": False}
         for measure in measures
@@ -90,14 +89,16 @@ def _text(config: TrainConfig, measures: Sequence[Measured], tests: str) -> str:
     several = len(seeds) > 1
     who = f"{len(seeds)} networks ({seed_range(seeds)}) that move" if several else "A network that moves"
     about = (
-        f"{who} a planar arm of two joints and six muscles, to {TASK_SPECS[config.task].description}. The model is "
+        f"{who} a planar arm of two joints and six muscles, to "
+        f"{config.make_task().description or config.task_folder}. The model is "
         f"`{config.model}`, {config.spec.description}, trained by `{config.algo}`, {ALGORITHMS[config.algo]}."
     )
     measured = f"{tests}{'; of the networks the mean, and from lowest to highest' if several else ''}:"
     rows = [f"| {measure.label} | {_in_words(measure)} |" for measure in measures]
     learning = "epochs.csv" if config.algo == "bptt" else "evaluations.csv"
     policy = f"run.policy(seed={seeds[0]})" if several else "run.policy()"
-    arguments = ", ".join(["8", f'"{config.task}"', "seed=0", *_trial_arguments(config)])
+    task = f'"{config.task}"' if config.experiment is None else "run.config.experiment"
+    arguments = ", ".join(["8", task, "seed=0", *_trial_arguments(config)])
     return f"""# {_name(config)}
 
 {textwrap.fill(about, _WIDTH)}
@@ -136,6 +137,13 @@ The same folder goes into every command in place of a run: `bilateral-rl evaluat
 """
 
 
+def _environment(config: TrainConfig) -> str:
+    """Return the name in Gymnasium of what the network learned; of a user's own class, that of the class."""
+    if config.task in TASK_SPECS:
+        return TASK_SPECS[config.task].environment_id
+    return config.task if config.experiment is None else EXPERIMENT_ID
+
+
 def _name(config: TrainConfig) -> str:
     return f"{config.model} {config.task} {config.algo}"
 
@@ -159,8 +167,9 @@ def _rounded(value: float) -> float:
 
 def _trial_arguments(config: TrainConfig) -> list[str]:
     """Return the settings of trials that are not the usual ones, as arguments of an environment."""
-    changed = _changed(dataclasses.asdict(config.trial), dataclasses.asdict(TrialSettings()))
-    arguments = arguments_for(make_task(config.task), config.trial)
+    task = config.make_task()
+    changed = _changed(dataclasses.asdict(config.trial), dataclasses.asdict(TrialSettings(**task.trial)))
+    arguments = arguments_for(task, config.trial)
     return [f"{name}={value!r}" for name, value in changed.items() if name in arguments]
 
 

@@ -54,7 +54,7 @@ class RunFolder:
         Raises:
             UserError: the folder or a file of it cannot be written; then nothing is left.
         """
-        parent = out / config.task
+        parent = out / config.task_folder
         try:
             parent.mkdir(parents=True, exist_ok=True)
             folder = cls(_next_free(parent, f"{config.model}-{config.algo}"))

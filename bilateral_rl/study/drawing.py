@@ -14,6 +14,7 @@ from bilateral_rl.analysis.modulation import Contributions, contributions
 from bilateral_rl.analysis.results import protocol_words, protocols_in
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.catalogue import MODELS
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves
 from bilateral_rl.figures.hemispheres import hemisphere_activity
 from bilateral_rl.figures.labels import model_label, task_label
@@ -140,8 +141,8 @@ def _paths(record: TrialRecord, radius: float, model: str) -> Figure:
 
 def _curves(label: str, task: str, runs: Mapping[str, list[RunFolder]]) -> Drawing:
     history = learning_history(runs)
-    supervised = "epoch" in history
-    measures = [VALIDATION_LOSS, PREFERRED[task]] if supervised else [PREFERRED[task], FINAL_ERROR]
+    supervised, judged = "epoch" in history, PREFERRED[TASK_SPECS[task].judged_by]
+    measures = [VALIDATION_LOSS, judged] if supervised else [judged, FINAL_ERROR]
     figure = learning_curves(history, measures, f"{label}: learning", "epoch" if supervised else "timesteps")
     return Drawing(f"learning_{task}", f"{label}: how the networks learned.", figure)
 

@@ -178,7 +178,7 @@ class LesionFolder:
 
 def lesion_metrics(config: TrainConfig) -> Sequence[Metric]:
     """The metrics that are printed and drawn: the task's preferred one and the final error."""
-    return [find_metric(name) for name in (preferred_metric(config.task, config.trial.threshold), "final_error")]
+    return [find_metric(name) for name in (preferred_metric(config.make_task(), config.trial.threshold), "final_error")]
 
 
 def _up_to_date(description: Mapping[str, Any]) -> dict[str, Any]:

@@ -111,7 +111,7 @@ class LesionStudy:
         self._moments = None
         if any(protocol.optimizer == "continued" for protocol in settings.protocols):
             self._moments = trained_moments(folder, list(self._policies), weights)
-        self._evaluator = Evaluator(self.config.task, self.config.trial, settings.trials, settings.seed)
+        self._evaluator = Evaluator(self.config.make_task(), self.config.trial, settings.trials, settings.seed)
         self._metrics = measured_metrics(self.config)
 
     def run(self, on_state: OnState = lambda done, total, name: None) -> pd.DataFrame:
@@ -206,7 +206,7 @@ class LesionStudy:
 
 def measured_metrics(config: TrainConfig) -> list[Metric]:
     """The metrics in the results of a run: at the goal radii of every study and at the run's own."""
-    return metrics_of(config.task, distinct_radii([*STUDY_RADII, config.trial.threshold]))
+    return metrics_of(config.make_task(), distinct_radii([*STUDY_RADII, config.trial.threshold]))
 
 
 def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]:

@@ -81,7 +81,7 @@ def find_run(runs: Path, config: TrainConfig) -> RunFolder | None:
 
     It is told by its settings: another run of the same model, which somebody trained on, may lie beside it.
     """
-    folders = runs.glob(f"**/{config.task}/{config.model}-{config.algo}-*/config.yaml")
+    folders = runs.glob(f"**/{config.task_folder}/{config.model}-{config.algo}-*/config.yaml")
     matching = (run for path in sorted(folders) if is_run_of(run := RunFolder(path.parent), config))
     return next(matching, None)
 

@@ -52,6 +52,6 @@ def _sides(run: RunFolder) -> list[SideModulation]:
     config = run.config()
     if config.spec.architecture == "unilateral":
         return []
-    evaluator = Evaluator(config.task, config.trial, _TRIALS, TEST_SEED)
+    evaluator = Evaluator(config.make_task(), config.trial, _TRIALS, TEST_SEED)
     of_networks = (side_modulation(p.motor_network, evaluator.run(p)) for p in load_policies(run).values())
     return [sides for sides in of_networks if sides]

@@ -13,14 +13,13 @@ from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.doors import arguments_for
-from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.runs.policies import policy_arguments
 
 
 def build_algorithm(config: RLConfig) -> Hemispheric:
     """Build the algorithm, its environment and its policy, untrained."""
-    task = make_task(config.task)
+    task = config.make_task()
     env = ArmVecEnv(config.n_envs, task, device=config.device, **arguments_for(task, config.trial))
     algorithm_class = ALGORITHM_CLASSES[config.algo]
     # The orthogonal initialization of critics rounds otherwise with another number of threads.

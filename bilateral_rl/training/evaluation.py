@@ -39,7 +39,7 @@ class Evaluations:
     def __init__(self, config: RLConfig, folder: RunFolder) -> None:
         evaluation = config.evaluation
         self._trial = config.trial
-        self._evaluator = Evaluator(config.task, config.trial, evaluation.trials, evaluation.seed, config.device)
+        self._evaluator = Evaluator(config.make_task(), config.trial, evaluation.trials, evaluation.seed, config.device)
         self.log = TrainingLog(folder.path / "evaluations.csv")
         self.best_weights: Tensors = {}
         self.modulation: SideModulation | None = None

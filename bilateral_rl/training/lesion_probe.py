@@ -17,7 +17,7 @@ from bilateral_rl.analysis.specialization import ALONE, specialization_index
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.policies import MotorPolicy
@@ -63,7 +63,7 @@ class LesionProbe(BetweenIterations):
 
     def __init__(
         self,
-        task: str,
+        task: TaskLike,
         settings: TrialSettings | None = None,
         every: int = 500_000,
         folder: str | Path | None = None,
@@ -75,10 +75,14 @@ class LesionProbe(BetweenIterations):
         super().__init__(every)
         if min(every, trials) < 1:
             raise UserError(f"A lesion probe needs every and trials to be at least 1, got {every} and {trials}.")
-        settings = settings or TrialSettings()
-        self._metric = find_metric(preferred_metric(task, settings.threshold))
-        self._evaluator = Evaluator(task, settings, trials, seed, device)
-        self._task, self._threshold, self._name = task, settings.threshold, name
+        try:
+            made = make_task(task)
+        except ValueError as error:
+            raise UserError(str(error)) from None
+        settings = settings or TrialSettings(**made.trial)
+        self._metric = find_metric(preferred_metric(made, settings.threshold))
+        self._evaluator = Evaluator(made, settings, trials, seed, device)
+        self._task, self._threshold, self._name = made, settings.threshold, name
         self._path = None if folder is None else Path(folder) / PROBE
         self._table = pd.DataFrame(columns=list(COLUMNS))
 
@@ -184,7 +188,7 @@ class LesionProbe(BetweenIterations):
 
     def _is_at_floor(self, rows: pd.DataFrame) -> bool:
         """Whether neither side alone does better than the control's."""
-        measure = _JUDGED[TASK_SPECS[self._task].judged_by]
+        measure = _JUDGED[self._task.judged_by]
         now, fresh = rows[measure], self._table[self._is(FRESH)].set_index("lesion")[measure]
         return all(is_above(now[[side]], fresh[[side]], now[[INTACT]]) is False for side in ALONE.values())
 
@@ -216,7 +220,7 @@ def probe_of_run(config: RLConfig, folder: RunFolder) -> LesionProbe | None:
     if not evaluation.lesion_probe_every or config.spec.architecture == "unilateral":
         return None
     return LesionProbe(
-        config.task,
+        config.make_task(),
         config.trial,
         every=evaluation.lesion_probe_every,
         folder=folder.path,

@@ -22,7 +22,6 @@ from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.trials import retraining_order, retraining_trials, stacked, training_trials
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
-from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies.lesions import Lesion
@@ -164,7 +163,7 @@ class Retraining:
 
     def _trials(self, seeds: Sequence[int]) -> TrialTensors:
         """Return the trials (S, n, …) that the networks are trained on."""
-        task, n, trial = make_task(self._config.task), self._n_trials, self._config.trial
+        task, n, trial = self._config.make_task(), self._n_trials, self._config.trial
         draw = training_trials if self.used.trials == "training" else retraining_trials
         by_seed = {seed: draw(seed, n, task, trial) for seed in dict.fromkeys(seeds)}
         return stacked([by_seed[seed] for seed in seeds], self._device)

@@ -139,7 +139,7 @@ class SupervisedLearner(Learner):
     def finish(self) -> None:
         """Draw hand paths of what each seed does now."""
         trial = self._config.trial
-        evaluator = Evaluator(self._config.task, trial, FIGURE_TRIALS, EvaluationConfig().seed)
+        evaluator = Evaluator(self._config.make_task(), trial, FIGURE_TRIALS, EvaluationConfig().seed)
         for seed, policy in self.policies().items():
             figure = hand_paths(evaluator.run(policy), trial.threshold, sum(trial.arm.link_length), FIGURE_TRIALS)
             self._board.draw(seed, self._state.epoch, figure)

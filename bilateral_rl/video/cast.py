@@ -102,6 +102,7 @@ def common_trials(actors: Sequence[Actor]) -> tuple[TrialSettings, list[str]]:
                 "runs side by side do the same trials: choose runs of one task."
             )
         other = _differences(first.config.trial, actor.config.trial)
+        other += ["experiment"] if actor.config.experiment != first.config.experiment else []
         if other:
             notes.append(f"{actor.folder.path} learned with another {', '.join(other)}; all do the first run's trials.")
     return first.config.trial, notes

@@ -14,8 +14,11 @@ from rich_tasks import RICH_SETTINGS, Rich
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, ArmVecEnv, ArmVectorEnv, TrialSettings
+from bilateral_rl.envs.task_specs import PARADIGMS
 
 IDS = list(ENVIRONMENT_IDS.values())
+TRIAL_LENGTHS = {name: ArmEnv(task).settings.trial_length for task, name in PARADIGMS.items()}
+"""Of experiments, whose cues and pulses need their time."""
 
 
 def actions(n, seed=0):
@@ -40,7 +43,7 @@ def arrays_in(value):
 @pytest.mark.parametrize("check", [gymnasium_check, sb3_check], ids=["gymnasium", "sb3"])
 @each_setting
 def test_a_registered_environment_passes_the_checkers_without_a_warning(name, check, settings):
-    env = gymnasium.make(name, trial_length=20, **settings)
+    env = gymnasium.make(name, trial_length=TRIAL_LENGTHS.get(name, 20), **settings)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check(env.unwrapped)
@@ -58,9 +61,10 @@ def test_gymnasiums_wrappers_find_nothing_to_warn_about_in_a_whole_trial(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gymnasium.make(name)
-        steps = trial(env, actions(50), seed=0)
+        length = env.unwrapped.settings.trial_length
+        steps = trial(env, actions(length), seed=0)
         env.close()
-    assert [truncated for *_, truncated, _ in steps] == [False] * 50 + [True]
+    assert [truncated for *_, truncated, _ in steps] == [False] * length + [True]
     assert not any(terminated for _, _, terminated, _, _ in steps)
 
 
