@@ -114,7 +114,7 @@ class Retraining:
     def _rollout(self, workers: Workers, weights: Tensor, lesions: Sequence[Lesion]) -> Rollout:
         trial, batch_size = self._config.trial, self._settings.batch_size
         size = self._losses.rollout_size(len(weights), batch_size, trial.trial_length)
-        conditions = Conditions.of(make_task(self._config.task), trial, self._config.network.hidden_noise)
+        conditions = Conditions.of(self._config.make_task(), trial, self._config.network.hidden_noise)
         rollout = Rollout(*(self._layout, trial.arm, size), device=self._device, workers=workers, conditions=conditions)
         rollout.weights.copy_(weights)
         rollout.set_lesions(lesions)
