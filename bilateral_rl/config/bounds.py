@@ -43,6 +43,8 @@ def check(config: TrainConfig) -> None:
         raise UserError(f"The last seed, seed + seeds - 1, must be at most {MAX_SEED:,}, got {config.all_seeds[-1]:,}.")
     _check_network(config)
     _check_frozen(config)
+    if config.blocks.every and not (config.experiment and config.experiment.has_field):
+        raise UserError(f"blocks.every tests an adaptation to a field, which {config.task} has not: leave it out.")
     if isinstance(config, RLConfig):
         _check_rl(config)
     if isinstance(config, BPTTConfig):
@@ -175,6 +177,7 @@ def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     yield "bptt.batch_size, seeds, trial and network", seeds * supervised.batch_size * steps * per_step
     yield "bptt.validation_trials, seeds, trial and network", seeds * supervised.validation_trials * steps * per_step
     yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL
+    yield "blocks.trials and trial", config.blocks.trials * steps * NUMBERS_PER_STEP
     if isinstance(config, RLConfig):
         chosen = config.hyperparameters
         per_step = NUMBERS_PER_STEP + len(chosen.action_traces) * (N_MUSCLES + 1)

@@ -43,7 +43,7 @@ def resolve(
     names = _names_of({name: value for layer in (*layers, chosen) for name, value in layer.items()})
     check_names(**names)
     found = choose_task(task, layers, TrainConfig.task)
-    values = _usual(names["algo"], found)
+    values = _usual(names["algo"], found, _initial(layers))
     for layer in map(_without_what_is_gone, layers):
         if _is_whole(layer) and not _is_of_another(layer, names["algo"], found):
             values = {}
@@ -59,6 +59,11 @@ def resolve(
 
 def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
     """Raise a UserError for what ``layer`` sets and another setting leaves without effect."""
+    blocks = layer.get("blocks")
+    if isinstance(blocks, Mapping) and blocks.keys() == {"trials"} and not config.blocks.every:
+        raise UserError(
+            "blocks.trials are of tests along an adaptation, of which there are none: give blocks.every too."
+        )
     sac = layer.get("sac")
     if not isinstance(config, SACConfig) or config.sac.ent_coef is None or not isinstance(sac, Mapping):
         return
@@ -118,13 +123,27 @@ def _without_defaults(layer: Mapping[str, Any]) -> Values:
     Only that was somebody's choice: the rest was tuned for what it is no longer used for.
     """
     algo = layer["algo"]
-    usual = from_values({"algo": algo} | _usual(algo, choose_task(None, [layer], TrainConfig.task))).to_values()
+    task = choose_task(None, [layer], TrainConfig.task)
+    usual = from_values({"algo": algo} | _usual(algo, task, _initial([layer]))).to_values()
     return {name: value for name, value in _difference(layer, usual).items() if name not in ("task", "experiment")}
 
 
-def _usual(algo: str, task: TaskChoice) -> Values:
-    """Return the tuned defaults of an algorithm and a task, and the settings of trials that the task has."""
-    return merge(tuned_defaults(algo, task.tuned_as), {"trial": task.trial} if task.trial else {})
+def _initial(layers: Sequence[Mapping[str, Any]]) -> object:
+    """Return the network that layers begin with; None for a fresh one."""
+    return next((layer["init_from"] for layer in reversed(layers) if "init_from" in layer), None)
+
+
+def _usual(algo: str, task: TaskChoice, init_from: object) -> Values:
+    """Return the tuned defaults of an algorithm and a task, and the settings of trials that the task has.
+
+    An experiment with a field has some of its own, and more where a network that has learned before adapts to it.
+    """
+    values = tuned_defaults(algo, task.tuned_as)
+    if task.experiment is not None and task.experiment.has_field:
+        table = _defaults_table()[algo]
+        values = merge(values, table["in_field"])
+        values = values if init_from is None else merge(values, table["adapting"])
+    return merge(values, {"trial": task.trial} if task.trial else {})
 
 
 def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:
