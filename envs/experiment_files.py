@@ -136,7 +136,9 @@ def _built(cls: type[T], values: Mapping[str, Any], lines: Lines, source: str) -
         return TypeAdapter(cls).validate_python(values)
     except ValidationError as error:
         loc = [part for part in error.errors()[0]["loc"] if not str(part).startswith("<")]
-        raise ExperimentError(f"{source}, line {lines.of(loc)}: {refusal(cls, error)}") from None
+        sentence = refusal(cls, error)
+        named = sentence.partition(" ")[0].rstrip(":").split(".")  # which may be within what pydantic names
+        raise ExperimentError(f"{source}, line {max(lines.of(loc), lines.of(named))}: {sentence}") from None
 
 
 def _check_fit(experiment: Experiment, settings: TrialSettings, lines: Lines, source: str) -> None:

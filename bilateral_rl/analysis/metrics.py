@@ -43,7 +43,8 @@ def metrics_of(task: TaskLike, radii: Sequence[float]) -> list[Metric]:
     at_radii = [metric.at(radius) for metric in _GOAL_METRICS.values() for radius in radii]
     by_name = {metric.name: metric for metric in (*at_radii, *_TRIAL_METRICS.values())}
     plain = [metric for metric in by_name.values() if means_something(metric, known)]
-    return plain + [metric.within(condition) for condition in known.mixes for metric in plain]
+    of_any = [metric for metric in plain if "channel" not in metric.needs]
+    return plain + [metric.within(condition) for condition in known.mixes for metric in of_any]
 
 
 def means_something(metric: Metric, task: TaskLike) -> bool:

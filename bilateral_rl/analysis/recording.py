@@ -19,6 +19,7 @@ from bilateral_rl.analysis.kinematics import hand_velocity
 from bilateral_rl.analysis.modulation import contributions
 from bilateral_rl.analysis.recording_fields import (
     CONTRIBUTION,
+    FIELD_FORCE,
     HAND_VELOCITY,
     HIDDEN,
     LABEL_FIELDS,
@@ -28,8 +29,10 @@ from bilateral_rl.analysis.recording_fields import (
     Field,
     fields_of,
 )
+from bilateral_rl.analysis.trial_plans import TrialPlan
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
 from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.tasks import NEVER
 from bilateral_rl.envs.trial_kernels import N_SENSED
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy
@@ -79,6 +82,11 @@ class Recording:
         return np.arange(self.arrays["hand"].shape[1], dtype=np.float64) * self.timestep
 
     @property
+    def labels(self) -> tuple[Field, ...]:
+        """The fields that say which trial of which network this is."""
+        return tuple(field for field in self.fields if field in LABEL_FIELDS)
+
+    @property
     def quantities(self) -> tuple[Field, ...]:
         """The fields that are numbers of the trials, without the labels."""
         return tuple(field for field in self.fields if field not in LABEL_FIELDS)
@@ -90,7 +98,7 @@ class Recording:
         a trial is NaN. Columns carry their unit, such as ``hand_x_m``.
         """
         moments, n = len(self.time), len(self)
-        labels = {field.name: np.repeat(self.arrays[field.name], moments) for field in LABEL_FIELDS}
+        labels = {field.name: np.repeat(self.arrays[field.name], moments) for field in self.labels}
         clock = {"step": np.tile(np.arange(moments), n), "time_s": np.tile(self.time, n)}
         numbers = pd.DataFrame(self.rows().reshape(n * moments, -1), columns=self.columns())
         return pd.concat([pd.DataFrame(labels | clock), numbers], axis=1)
@@ -162,6 +170,9 @@ def record(
             with policy.motor_network.lesioned(lesions[names[i]]):
                 arrays = _arrays(evaluator, policy, conditions.settings)
             labels = {"seed": np.full(n, number), "lesion": np.repeat(names[[i]], n), "trial": first + np.arange(n)}
+            if evaluator.is_experiment:
+                plan = evaluator.plan
+                labels |= {"condition": plan.condition, "target_index": plan.target_index}
             fields = tuple(f for f in fields_of(policy.motor_network) if f.name in labels | arrays)
             yield Recording(fields, labels | arrays, conditions.settings.arm.timestep, metadata)
 
@@ -182,7 +193,7 @@ def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) 
     """Do the trials, and return every quantity by name, in the order of tables."""
     network = policy.motor_network
     fields = fields_of(network)
-    arrays = evaluator.record(policy, fields)
+    arrays = evaluator.record(policy, [f for f in fields if f != FIELD_FORCE or evaluator.has_forces])
     for name, values in arrays.items():
         if not np.isfinite(values).all():  # at its limits a joint stays where it is, however its velocity explodes
             raise NotFiniteError(f"These trials cannot be recorded: {name} leaves all bounds in the arm of trial.arm.")
@@ -190,11 +201,20 @@ def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) 
     arrays[HAND_VELOCITY.name] = hand_velocity(
         arrays["joint_angle"], arrays["joint_velocity"], settings.arm.link_length
     )
+    if evaluator.is_experiment:
+        arrays |= _of_plan(evaluator.plan)
     if network.hidden_layers(torch.from_numpy(observation[:1, :1])):
         arrays[HIDDEN.name] = hidden_activity(network, observation)
     if isinstance(network, BilateralNetwork):
         arrays[CONTRIBUTION.name] = np.stack(contributions(network, observation), axis=2)
     return {field.name: arrays[field.name] for field in fields if field.name in arrays}
+
+
+def _of_plan(plan: TrialPlan) -> dict[str, Float32]:
+    """Return when the cue and the jump come, NaN for never, and the direction of the goal, (n,) each."""
+    steps = {"go": plan.go, "jump": plan.jump}
+    arrays = {name: np.where(step < NEVER, step, np.nan).astype(np.float32) for name, step in steps.items()}
+    return arrays | {"target_angle": plan.target_angle}
 
 
 def hidden_activity(network: MotorNetwork, observation: Float32) -> Float32:

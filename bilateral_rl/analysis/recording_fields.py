@@ -11,6 +11,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis.trial_plans import CONDITIONS
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY
 from bilateral_rl.envs.trials import TrialBatch
@@ -37,7 +38,7 @@ LABELS: dict[str, tuple[str, ...]] = {
 }
 """The names along each dimension that has names; layers and units of a network are numbered from 1."""
 
-_IN_COLUMNS = {"": "", "m": "_m", "rad": "_rad", "m/s": "_m_per_s", "rad/s": "_rad_per_s", "N": "_N"}
+_IN_COLUMNS = {"": "", "m": "_m", "rad": "_rad", "m/s": "_m_per_s", "rad/s": "_rad_per_s", "N": "_N", "step": "_step"}
 """How the name of a table's column ends, by unit."""
 
 
@@ -130,7 +131,7 @@ HAND_FORCE = Field("force", (STEP, "axis"), "N",
 FIELD_FORCE = Field(
     "field_force", (STEP, "axis"), "N",
     "force that the field of the experiment has at the hand's position and velocity when the step began, also in "
-    "trials in which it is off or a channel takes its place; 0 without a field")
+    "trials in which it is off or a channel takes its place; of experiments with forces alone")
 STEPS = (
     OBSERVATION,
     SEEN_TARGET,
@@ -143,9 +144,18 @@ STEPS = (
 )
 """What there is in each step."""
 TARGET = Field("target", ("axis",), "m", "position of the last target of the trial")
+OF_EXPERIMENTS = (
+    Field("go", (), "step",
+          "step from which on the target is seen, 0 where it is there from the start; none where no cue comes"),
+    Field("jump", (), "step", "step from which on the target is another one; none where it does not jump"),
+    Field("target_angle", (), "rad",
+          "direction from the hand at the start to the goal, counterclockwise from x; none where both are one place"),
+)
+"""What sets a trial apart where the trials of a task have cues, forces, or listed targets."""
 TRIALS = (
     TARGET,
     Field("load", ("axis",), "N", "load on the hand, the same throughout the trial", attrgetter("load")),
+    *OF_EXPERIMENTS,
 )
 """What sets a trial apart."""
 _HIDDEN = "activity (tanh) of the unit of the hidden layer, on the observation of the step, with the lesion"
@@ -165,13 +175,20 @@ LABEL_FIELDS = (
         "",
         "number of the trial, from 0: the first trial of the seed `trial_seed` (in the metadata) plus this number",
     ),
+    Field(
+        "condition",
+        (),
+        "",
+        f"what is special of the trial: {', '.join(CONDITIONS)}, or several joined by +; of experiments alone",
+    ),
+    Field("target_index", (), "", "which of the listed targets it is, from 0; -1 without a list; of experiments alone"),
 )
 """What says which trial of which network this is."""
 HAND_VELOCITY = next(f for f in STATES if f.name == "hand_velocity")
 MEASURED = (
     *(f for f in STATES if f.name in ("joint_angle", "joint_velocity", "hand", "activation")),
     *(f for f in STEPS if f.name != "reward"),
-    *TRIALS,
+    *(f for f in TRIALS if f not in OF_EXPERIMENTS),
 )
 """What trials are measured by; the rest is for recordings."""
 EVERY_FIELD = (*LABEL_FIELDS, *STATES, *STEPS, HIDDEN_OF_SIDES, HIDDEN, CONTRIBUTION, *TRIALS)

@@ -98,21 +98,25 @@ def _write_csv(path: Path, parts: Iterable[Recording], n: int) -> None:
     with replacing(path) as temporary, replacing(side_file(path)) as beside:
         beside.write_text(json.dumps(description(first), indent=2) + "\n", encoding="utf-8")
         with temporary.open("w", encoding="utf-8", newline="") as file:
-            file.write(",".join([*(f.name for f in LABEL_FIELDS), "step", "time_s", *first.columns()]) + "\n")
+            file.write(",".join([*(f.name for f in first.labels), "step", "time_s", *first.columns()]) + "\n")
             clock = [f"{step},{time:.7g}," for step, time in enumerate(first.time)]
             for part in parts:
-                labels = zip(*(part[field.name].tolist() for field in LABEL_FIELDS), strict=True)
+                labels = zip(*(part[field.name].tolist() for field in first.labels), strict=True)
                 for head, rows in zip(labels, part.rows(), strict=True):
                     file.write(_csv_lines(",".join(map(str, head)), clock, rows))
 
 
 def _csv_lines(head: str, clock: Sequence[str], rows: NDArray[np.float32]) -> str:
-    """Return the lines of one trial (T + 1, columns); all rows but the last have numbers in every column."""
-    whole = ",".join(["%.7g"] * rows.shape[1])
-    last = ",".join("" if empty else "%.7g" for empty in np.isnan(rows[-1]))
-    texts = [whole % tuple(row) for row in rows[:-1].tolist()]
-    texts.append(last % tuple(rows[-1][~np.isnan(rows[-1])].tolist()))
+    """Return the lines of one trial (T + 1, columns): all rows but the last have numbers in the same columns."""
+    texts = [text for some in (rows[:-1], rows[-1:]) for text in _csv_texts(some)]
     return "".join(f"{head},{moment}{text}\n" for moment, text in zip(clock, texts, strict=True))
+
+
+def _csv_texts(rows: NDArray[np.float32]) -> list[str]:
+    """Return the texts of rows that have numbers in the same columns, and nothing in the others."""
+    there = ~np.isnan(rows[0])
+    pattern = ",".join("%.7g" if number else "" for number in there)
+    return [pattern % tuple(row) for row in rows[:, there].tolist()]
 
 
 def _write_npz(path: Path, parts: Iterable[Recording], n: int) -> None:

@@ -15,8 +15,8 @@ Float32 = NDArray[np.float32]
 Int32 = NDArray[np.int32]
 
 CONDITIONS = ("field", "null", "channel", "no_go", "jump", "pulse")
-"""What a trial's condition is made of: the field is on; nothing is (as in a trial whose field is off); the hand is in a
-channel; no go cue comes; the target jumps; a pulse comes."""
+"""What a trial's condition is made of: the field is on; there is neither a field nor a channel, as in a trial whose
+field is off; the hand is in a channel; no go cue comes; the target jumps; a pulse comes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,8 @@ class TrialPlan:
     pulse_force: Float32
     """(n, 2): force of the pulse (N); 0 where there is none."""
     condition: NDArray[np.str_]
-    """(n,): one of :data:`CONDITIONS`, or several joined by "+" as in "field+jump"; "null" stands alone."""
+    """(n,): one of :data:`CONDITIONS`, or several joined by "+" as in "field+jump"; "null" is said of trials alone in
+    which there is nothing else."""
     target_index: Int32
     """(n,): which of the listed targets it is, from 0; -1 where the targets are no list."""
     target_angle: Float32
@@ -52,6 +53,8 @@ class TrialPlan:
 
     def has(self, condition: str) -> NDArray[np.bool_]:
         """(n,): whether ``condition``, one of :data:`CONDITIONS`, is among those of each trial."""
+        if condition == "null":
+            return ~(self.has("field") | self.has("channel"))
         return np.array([condition in joined.split("+") for joined in self.condition], dtype=np.bool_)
 
 
@@ -109,4 +112,5 @@ def _conditions(trials: Trials, go: Int32, jump: Int32, pulse: Int32) -> NDArray
         "jump": jump < NEVER,
         "pulse": pulse[:, 0] < NEVER,
     }
-    return np.array(["+".join(name for name, of in has.items() if of[i]) or "null" for i in range(n)], dtype=np.str_)
+    joined = ["+".join(name for name, of in has.items() if of[i]) or "null" for i in range(n)]
+    return np.array(joined, dtype=f"U{len('+'.join(has))}")  # of one length, whichever trials are there

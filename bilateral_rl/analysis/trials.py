@@ -177,6 +177,17 @@ class Evaluator:
             arrays[FIELD_FORCE.name] = self._field_force(arrays)
         return arrays
 
+    @property
+    def has_forces(self) -> bool:
+        """Whether the trials have forces beside the load."""
+        return self._batch.task.has_forces
+
+    @property
+    def is_experiment(self) -> bool:
+        """Whether something of its plan sets a trial apart: cues, forces, or which of several targets it has."""
+        task = self._batch.task
+        return task.has_timeline or task.has_forces or bool((self.plan.target_index >= 0).any())
+
     @functools.cached_property
     def plan(self) -> TrialPlan:
         """What sets the trials apart."""

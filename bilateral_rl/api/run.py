@@ -355,9 +355,9 @@ class Run:
             A row for each network (``seed``), ``block`` and ``condition``, with ``done``, the updates (of supervised
             training) or environment steps until then. Block 0 is before any learning. The condition is "field",
             "null" (without it: what is left there is the after-effect; ``blocks.csv`` writes "null_field"), or
-            "channel" (in walls along the straight path). The measures, in the units of the metrics of these names: ``goal_completion`` (%) within the run's
-            own threshold, ``final_error``, ``perpendicular_deviation``, ``signed_deviation`` and
-            ``deviation_at_peak_speed`` (cm, to the left of the way to the target is positive);
+            "channel" (in walls along the straight path). The measures, in the units of the metrics of these names:
+            ``goal_completion`` (%) within the run's own threshold, ``final_error``, ``perpendicular_deviation``,
+            ``signed_deviation`` and ``deviation_at_peak_speed`` (cm, to the left of the way to the target is positive);
             ``channel_compensation`` (1: the hand presses on the walls with the force that would cancel the field) and
             ``channel_peak_force`` (N), both NaN but in the channel. ``algo``, ``task`` and ``model`` come first.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bilateral_rl.analysis.recording_fields import EVERY_FIELD, LABELS, Field
+from bilateral_rl.analysis.recording_fields import EVERY_FIELD, LABEL_FIELDS, LABELS, Field
 
 PAGE = Path(__file__).parents[1] / "recordings.md"
 MARK = "<!-- made by docs/scripts/recordings_page.py from the code: change that, and run it again -->\n"
@@ -22,7 +22,7 @@ def page() -> str:
     """Return the page as it stands, with the table anew."""
     written, _, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
     rows = [_row(field) for field in EVERY_FIELD]
-    rows.insert(3, CLOCK)  # after the labels, as in tables
+    rows.insert(len(LABEL_FIELDS), CLOCK)  # after the labels, as in tables
     head = "| array | dimensions | unit | columns | what it is |\n|---|---|---|---|---|\n"
     return f"{written}{MARK}\n{head}{''.join(rows)}"
 

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from everything import EVERYTHING
 from pyarrow import parquet
 
 from bilateral_rl.analysis import recording
@@ -22,15 +23,18 @@ METADATA = {"run": "runs/über", "seeds": [0, 1], "changed": {"trial.max_load": 
 ENDINGS = list(WRITERS)
 
 
-@pytest.fixture(scope="module")
-def two():
-    """Two networks, intact and lesioned: four times three trials of ten steps."""
+@pytest.fixture(scope="module", params=["the paper's hold", "an experiment"])
+def two(request):
+    """Two networks, intact and lesioned: four times three trials of ten or more steps."""
     config = resolve(None, "hold_position", [{"trial": {"trial_length": 10}}])
+    under = conditions(config)
+    if request.param == "an experiment":
+        under = conditions(config, str(EVERYTHING))
     policies = {seed: build_policy(config) for seed in (0, 1)}
     lesions = {"intact": NO_LESION, "callosum": LESIONS["callosum"]}
 
     def parts():
-        return record(policies, lesions, conditions(config), 3, 0, METADATA)
+        return record(policies, lesions, under, 3, 0, METADATA)
 
     return parts
 
@@ -116,7 +120,7 @@ def test_netcdf_has_names_along_its_dimensions_and_units(written, whole):
         assert data.attrs["run"] == "runs/über"
         assert json.loads(data.attrs["changed"]) == {"trial.max_load": 3.0}
         assert data.attrs["timestep_s"] == 0.01
-        assert data.hand.sel(trial=2, axis="x").shape == (4, 11)  # that trial of both networks with both lesions
+        assert data.hand.sel(trial=2, axis="x").shape == (4, len(whole.time))  # of both networks with both lesions
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
