@@ -22,7 +22,7 @@ from bilateral_rl.config.hyperparameters import (
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.vocabulary import GROUPS
+from bilateral_rl.vocabulary import GROUPS, stream_mix, stream_names
 
 MOST_PARAMETERS = 10**7
 """Parameters of a network or a critic."""
@@ -45,6 +45,7 @@ def check(config: TrainConfig) -> None:
     _check_frozen(config)
     if config.blocks.every and not (config.experiment and config.experiment.has_field):
         raise UserError(f"blocks.every tests an adaptation to a field, which {config.task} has not: leave it out.")
+    _check_losses(config)
     if isinstance(config, RLConfig):
         _check_rl(config)
     if isinstance(config, BPTTConfig):
@@ -57,6 +58,17 @@ def check(config: TrainConfig) -> None:
     for name, size in _arrays(config):
         if size > MOST_NUMBERS:
             raise UserError(f"{name} would make an array of {size:,} numbers, and {MOST_NUMBERS:,} are the most.")
+
+
+def _check_losses(config: TrainConfig) -> None:
+    """Raise a UserError for a model with a loss that weighs nothing of what the arm does."""
+    weighed = [any(terms) for terms in config.trial.losses.weights]
+    for mix, name in zip(stream_mix(config.spec.loss), stream_names(config.spec.loss), strict=True):
+        if not any(share and some for share, some in zip(mix, weighed, strict=True)):
+            raise UserError(
+                f"{config.model} learns by the {name.replace('_', '-')} loss, and trial.losses weighs none of its "
+                "terms: give one of them a weight above 0."
+            )
 
 
 def check_trial(config: TrainConfig) -> None:

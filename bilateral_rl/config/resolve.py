@@ -13,9 +13,10 @@ import yaml
 from bilateral_rl.config.bounds import check
 from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge, plain_values
-from bilateral_rl.config.schema import CONFIGS, SACConfig, TrainConfig
+from bilateral_rl.config.schema import CONFIGS, RLConfig, SACConfig, TrainConfig
 from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import group_penalties
 
 
 def resolve(
@@ -64,6 +65,7 @@ def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
         raise UserError(
             "blocks.trials are of tests along an adaptation, of which there are none: give blocks.every too."
         )
+    _check_penalty(layer, config)
     sac = layer.get("sac")
     if not isinstance(config, SACConfig) or config.sac.ent_coef is None or not isinstance(sac, Mapping):
         return
@@ -72,6 +74,18 @@ def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
             raise UserError(
                 f"sac.{name} is of a learned temperature, and sac.ent_coef gives one: leave one of them out."
             )
+
+
+def _check_penalty(layer: Mapping[str, Any], config: TrainConfig) -> None:
+    """Raise a UserError for a weight penalty that no loss of the model weighs; studies of many models have BPTT's."""
+    chosen = layer.get(config.algo)
+    if not isinstance(config, RLConfig) or not isinstance(chosen, Mapping) or not chosen.get("weight_penalty"):
+        return
+    if not any(group_penalties(config.spec.loss, weights=config.trial.losses.penalties).values()):
+        raise UserError(
+            f"{config.algo}.weight_penalty has no effect on {config.model}, whose loss weighs it by 0: leave it out, "
+            "or give trial.losses a penalty."
+        )
 
 
 def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
