@@ -12,6 +12,7 @@ import inspect
 import itertools
 import re
 import textwrap
+import typing
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +22,7 @@ from pydantic import TypeAdapter
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import CONFIGS
-from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.task_specs import PARADIGMS, TASK_SPECS
 
 PAGE = Path(__file__).parents[1] / "reference" / "settings.md"
 
@@ -30,6 +31,9 @@ SECTIONS = {
     "": "The training as a whole",
     "network": "The network",
     "trial": "Trials",
+    "trial.losses": "Losses and rewards",
+    "trial.losses.dominant": "Weights of the dominant loss",
+    "trial.losses.non_dominant": "Weights of the non-dominant loss",
     "trial.arm": "The arm",
     "evaluation": "Evaluations along the way",
     **NAMES,
@@ -39,8 +43,10 @@ UNITS = (
     "optimal lengths", "optimal lengths/s", "1/s",
 )  # fmt: skip
 """What counts as a unit when it stands in parentheses in a description."""
-_NAMED: dict[str, Iterable[str]] = {"algo": CONFIGS, "model": MODELS, "task": TASK_SPECS}
+_NAMED: dict[str, Iterable[str]] = {"algo": CONFIGS, "model": MODELS, "task": (*TASK_SPECS, *PARADIGMS)}
 CHOICES = {name: ", ".join(f"`{choice}`" for choice in choices) for name, choices in _NAMED.items()}
+CHOICES["task"] += ", a class"
+CHOICES["experiment"] = "[an experiment](../experiments.md#what-a-file-can-say) or `null`"
 
 HEAD = """# Every setting
 
@@ -74,6 +80,8 @@ def page() -> str:
     """Return the whole page."""
     algos = {name: list(settings(name)) for name in CONFIGS}
     found = dict.fromkeys(itertools.chain.from_iterable([key for key, _ in pairs] for pairs in algos.values()))
+    if left_out := {key for key in found if key.rpartition(".")[0] not in SECTIONS}:
+        raise LookupError(f"SECTIONS needs a title for those of {', '.join(sorted(left_out))}.")
     parts = [HEAD]
     for section, title in SECTIONS.items():
         keys = [key for key in found if key.rpartition(".")[0] == section]
@@ -105,11 +113,12 @@ def settings(algo: str) -> Iterator[tuple[str, Setting]]:
 
 
 def _fields(cls: type, schema: Mapping[str, Any], defs: Mapping[str, Any], path: str) -> Iterator[tuple[str, Setting]]:
+    hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         inner = schema["properties"][field.name]
-        factory = field.default_factory
-        if dataclasses.is_dataclass(factory):
-            yield from _fields(factory, defs[factory.__name__], defs, f"{path}{field.name}.")
+        kind = hints[field.name]
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+            yield from _fields(kind, defs[kind.__name__], defs, f"{path}{field.name}.")
         else:
             yield path + field.name, Setting(description(cls, field.name), inner)
 

@@ -105,5 +105,4 @@ def test_no_refusal_advises_what_is_refused_in_turn():
                 ) as error:
                     resolve(algo, None, [base, at(path, value)], model="uni_b")
                 advised = int(re.search(r"at (?:least|most) ([\d,]+)", str(error.value))[1].replace(",", ""))
-                if path[0] != "blocks":  # which only fields have
-                    resolve(algo, None, [base, at(path, advised)], model="uni_b")
+                resolve(algo, None, [base, at(path, advised)], model="uni_b")
