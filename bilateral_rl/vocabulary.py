@@ -68,6 +68,9 @@ LOSS_WEIGHTS: dict[Side, LossWeights] = {
 }
 """The dominant loss rewards accuracy at little effort, the non-dominant one a steady hand and small weights."""
 
+PENALTY_WEIGHTS: tuple[float, float] = (LOSS_WEIGHTS["dominant"].penalty, LOSS_WEIGHTS["non_dominant"].penalty)
+"""Weight of the weight penalty in the dominant and in the non-dominant loss, as in the paper."""
+
 Penalty = Literal["weights", "activity", "released"]
 PENALTIES: dict[Penalty, float] = {"weights": 0.001, "activity": 0.01, "released": 0.01}
 """What the weight penalty is taken of, and its default coefficient λ.
@@ -105,15 +108,14 @@ def stream_names(loss: Loss) -> tuple[str, ...]:
     return SIDES if loss == "specialized" else (loss,)
 
 
-def stream_penalties(loss: Loss, by_side: Sequence[float] | None = None) -> tuple[float, ...]:
+def stream_penalties(loss: Loss, weights: Sequence[float] = PENALTY_WEIGHTS) -> tuple[float, ...]:
     """Return the weight of the weight penalty in each stream of ``loss``.
 
     Args:
         loss: what trains the model.
-        by_side: the weights in the dominant and in the non-dominant loss; the paper's by default.
+        weights: those in the dominant and in the non-dominant loss.
     """
-    by_side = [LOSS_WEIGHTS[side].penalty for side in SIDES] if by_side is None else by_side
-    return tuple(sum(m * w for m, w in zip(mix, by_side, strict=True)) for mix in stream_mix(loss))
+    return tuple(sum(m * w for m, w in zip(mix, weights, strict=True)) for mix in stream_mix(loss))
 
 
 def group_shares(loss: Loss) -> dict[str, tuple[float, ...]]:
@@ -123,15 +125,18 @@ def group_shares(loss: Loss) -> dict[str, tuple[float, ...]]:
     return dict.fromkeys(GROUPS, (1.0,) * len(stream_mix(loss)))
 
 
-def group_penalties(loss: Loss, scales: Sequence[float] | None = None) -> dict[str, float]:
+def group_penalties(
+    loss: Loss, scales: Sequence[float] | None = None, weights: Sequence[float] = PENALTY_WEIGHTS
+) -> dict[str, float]:
     """Return the weight of the weight penalty on each parameter group, routed like the rest of the loss.
 
     Args:
         loss: what trains the model.
         scales: by how much each stream's loss is scaled, and with it the penalty, which is one of its terms; None for
             losses in their own size.
+        weights: weight of the penalty in the dominant and in the non-dominant loss.
     """
-    streams = stream_penalties(loss)
+    streams = stream_penalties(loss, weights)
     if scales is not None:
         streams = tuple(weight * scale for weight, scale in zip(streams, scales, strict=True))
     return {

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Whole
 from bilateral_rl.envs.refusals import refusing_in_a_sentence
-from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES, LossWeights
+from bilateral_rl.vocabulary import LOSS_WEIGHTS, SIDES, LossWeights, Side
 
 PAPER_TERMS = ("cartesian_1", "cartesian_2", "activation")
 """The terms of a step's loss in the paper, in the order of every array of terms."""
@@ -53,8 +53,13 @@ class SideLoss:
         return tuple(getattr(self, name) for name in (*PAPER_TERMS, *FURTHER_TERMS))
 
 
-def _paper(weights: LossWeights) -> SideLoss:
-    return SideLoss(**{name: getattr(weights, name) for name in (*PAPER_TERMS, "penalty")})
+def _paper(weights: LossWeights) -> dict[str, float]:
+    return {name: getattr(weights, name) for name in (*PAPER_TERMS, "penalty")}
+
+
+def _over_the_paper(side: Side) -> BeforeValidator:
+    """Let a mapping of weights change the paper's loss: who adds a term to it does not take the others away."""
+    return BeforeValidator(lambda given: _paper(LOSS_WEIGHTS[side]) | given if isinstance(given, dict) else given)
 
 
 @refusing_in_a_sentence
@@ -62,13 +67,19 @@ def _paper(weights: LossWeights) -> SideLoss:
 class LossSettings:
     """The losses of both sides, for rewards and for supervised training alike.
 
+    A ``SideLoss`` is the whole loss of a side; a mapping of weights leaves those that it does not name as in the paper.
+
     Raises:
         ValueError: an unknown name, or a number outside its range.
     """
 
-    dominant: SideLoss = field(default_factory=lambda: _paper(LOSS_WEIGHTS["dominant"]))
+    dominant: Annotated[SideLoss, _over_the_paper("dominant")] = field(
+        default_factory=lambda: SideLoss(**_paper(LOSS_WEIGHTS["dominant"]))
+    )
     """The loss of the dominant side."""
-    non_dominant: SideLoss = field(default_factory=lambda: _paper(LOSS_WEIGHTS["non_dominant"]))
+    non_dominant: Annotated[SideLoss, _over_the_paper("non_dominant")] = field(
+        default_factory=lambda: SideLoss(**_paper(LOSS_WEIGHTS["non_dominant"]))
+    )
     """The loss of the non-dominant side."""
     last_steps: Annotated[Whole, Field(ge=1, le=10_000)] | None = None
     """Let error and speed of the hand count in so many last steps of a trial only; null for all steps."""

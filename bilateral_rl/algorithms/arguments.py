@@ -9,14 +9,14 @@ import contextlib
 import functools
 import inspect
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.type_aliases import TrainFreq
 
 from bilateral_rl.policies.quantities import finite, switch, whole
-from bilateral_rl.vocabulary import GROUPS, Group
+from bilateral_rl.vocabulary import GROUPS, SIDES, Group
 
 Check = Callable[[str, Any], Any]
 """Takes the name and the value of an argument, and returns it as the algorithms use it, or raises a ValueError."""
@@ -108,6 +108,15 @@ def _frozen(name: str, value: Any) -> tuple[Group, ...]:
     return groups
 
 
+def _penalty_weights(name: str, value: Any) -> tuple[float, float]:
+    """Take two numbers of at least 0: dominant, non-dominant."""
+    pair = list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    if len(pair) != len(SIDES):
+        raise ValueError(f"{name} takes two numbers, of the dominant and the non-dominant loss, got {value!r}.")
+    dominant, non_dominant = (finite(f"each number of {name}", weight, 0.0) for weight in pair)
+    return dominant, non_dominant
+
+
 _share = functools.partial(finite, least=0.0, most=1.0)
 _not_negative = functools.partial(finite, least=0.0)
 _positive = functools.partial(finite, least=0.0, above=True)
@@ -116,6 +125,7 @@ _count_or_none = functools.partial(whole, least=0)
 EVERY: dict[str, Check] = {
     "weight_penalty": _not_negative,
     "frozen": _frozen,
+    "penalty_weights": _penalty_weights,
     "reward_scale": _positive,
     "learning_rate": _schedule,
     "gamma": _share,

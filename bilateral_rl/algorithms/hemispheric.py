@@ -32,7 +32,7 @@ from bilateral_rl.algorithms.schedules import linear_schedule
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.motor_policy import check_commands
 from bilateral_rl.policies.sb3_arguments import available
-from bilateral_rl.vocabulary import SIDES, Group, Loss, group_penalties, stream_mix, stream_names
+from bilateral_rl.vocabulary import PENALTY_WEIGHTS, SIDES, Group, Loss, group_penalties, stream_mix, stream_names
 
 Log = defaultdict[str, list[Tensor]]
 """Measurements by name, an entry for each update: a number (), or one a stream (n_streams,)."""
@@ -41,6 +41,8 @@ _STATE_DEPENDENT_EXPLORATION = {"use_sde": False, "sde_sample_freq": -1, "use_sd
 """Arguments of SB3 that mean nothing without gSDE, with the one value that each may have."""
 
 
+_USUAL_PENALTY = 0.001
+"""What ``weight_penalty`` is by default."""
 _OF_BUFFERS = {
     "buffer_size", "observation_space", "action_space", "device", "gamma", "gae_lambda", "n_envs",
     "optimize_memory_usage",
@@ -69,6 +71,7 @@ class Hemispheric(BaseAlgorithm):
     # Of models that were saved before there were these:
     action_traces: tuple[float, ...] = ()
     frozen: tuple[Group, ...] = ()
+    penalty_weights: tuple[float, float] = PENALTY_WEIGHTS
     normalized_observations: bool | None = None
     """Whether it was trained on observations that ``VecNormalize`` normalized; None if it was not, or not yet."""
     _last_traces: NDArray[np.float32] | None = None  # (n_envs, n): of the actions before the last observation
@@ -89,6 +92,7 @@ class Hemispheric(BaseAlgorithm):
         reward_scale: float,
         action_traces: Sequence[float],
         frozen: Sequence[Group],
+        penalty_weights: Sequence[float],
         policy_kwargs: dict[str, Any] | None,
         **sb3_arguments: Any,
     ) -> None:
@@ -101,7 +105,9 @@ class Hemispheric(BaseAlgorithm):
         self.weight_penalty = weight_penalty
         self.reward_scale = reward_scale
         self.action_traces = checked_decays(action_traces)
-        self.frozen = checked({"frozen": frozen}, EVERY)["frozen"]
+        own = checked({"frozen": frozen, "penalty_weights": penalty_weights}, EVERY)
+        self.frozen, self.penalty_weights = own["frozen"], own["penalty_weights"]
+        _warn_of_no_penalty(loss, weight_penalty, self.penalty_weights)
         critics_of = {"n_streams": len(stream_mix(loss)), "n_traces": len(self.action_traces)}
         policy_kwargs = critics_of | available(policy_kwargs or {})
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **checked(sb3_arguments, self.CHECKS))
@@ -382,7 +388,8 @@ class Hemispheric(BaseAlgorithm):
             scales: for each stream, the size of its loss's gradient by the network, in that of the mean reward's.
         """
         assign_routed_gradients(losses, groups, self._shares)
-        add_weight_penalty(self._network_groups, group_penalties(self.loss, scales), self.weight_penalty)
+        penalties = group_penalties(self.loss, scales, self.penalty_weights)
+        add_weight_penalty(self._network_groups, penalties, self.weight_penalty)
 
     # --- logs -------------------------------------------------------------------------------------------------------
 
@@ -410,6 +417,16 @@ class Hemispheric(BaseAlgorithm):
         for side, weight in self.policy.motor_network.combination_weights().items():
             self.logger.record(f"combination/{side}", weight)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+
+
+def _warn_of_no_penalty(loss: Loss, weight_penalty: float, weights: Sequence[float]) -> None:
+    """Warn of a penalty that no loss weighs; its default says nothing."""
+    if weight_penalty not in (0.0, _USUAL_PENALTY) and not any(group_penalties(loss, None, weights).values()):
+        warnings.warn(
+            f"weight_penalty={weight_penalty:g} has no effect: the penalty weighs nothing in loss={loss!r} by "
+            f"penalty_weights={tuple(weights)}; leave it out, or give weights.",
+            stacklevel=4,
+        )
 
 
 def _is_new(normalizer: VecNormalize | None) -> bool:

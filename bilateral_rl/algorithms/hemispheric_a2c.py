@@ -14,7 +14,7 @@ from stable_baselines3.common.type_aliases import GymEnv, Schedule
 from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
 from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.vocabulary import Group, Loss
+from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss
 
 _RMS_PROP_EPS = 1e-5
 
@@ -25,8 +25,9 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
     Each stream has its own critic, advantage and policy loss; one optimizer step over the whole rollout applies the
     routed gradients (``algorithms/routing.py``), clipped per parameter group.
 
-    The arguments are those of SB3's ``A2C``, with its defaults, and five more: ``loss``, ``weight_penalty``,
-    ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
+    The arguments are those of SB3's ``A2C``, with its defaults, and six more: ``loss``, ``weight_penalty``,
+    ``penalty_weights``, ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and
+    ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -43,6 +44,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
         frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
             critics do, and so does the exploration.
+        penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
+            default.
         learning_rate: the optimizer's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         gamma: discount.
@@ -81,6 +84,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         *,
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
+        penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
         learning_rate: float | Schedule = 7e-4,
         n_steps: int = 5,
         gamma: float = 0.99,
@@ -112,6 +116,7 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             reward_scale=reward_scale,
             action_traces=action_traces,
             frozen=frozen,
+            penalty_weights=penalty_weights,
             learning_rate=learning_rate,
             n_steps=n_steps,
             gamma=gamma,

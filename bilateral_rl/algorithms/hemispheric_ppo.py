@@ -18,7 +18,7 @@ from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
 from bilateral_rl.algorithms.stream_rollout import StreamBatch
 from bilateral_rl.policies import BilateralActorCriticPolicy
-from bilateral_rl.vocabulary import Group, Loss
+from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss
 
 
 class HemisphericPPO(HemisphericOnPolicy, PPO):
@@ -28,8 +28,9 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
     optimizer step applies the routed gradients (``algorithms/routing.py``), clipped per parameter group. The optimizer
     is Adam with its fused kernel.
 
-    The arguments are those of SB3's ``PPO``, with its defaults, and five more: ``loss``, ``weight_penalty``,
-    ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
+    The arguments are those of SB3's ``PPO``, with its defaults, and six more: ``loss``, ``weight_penalty``,
+    ``penalty_weights``, ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and
+    ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -46,6 +47,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
         frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
             critics do, and so does the exploration.
+        penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
+            default.
         learning_rate: Adam's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         batch_size: largest number of samples in a minibatch.
@@ -87,6 +90,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         *,
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
+        penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
         learning_rate: float | Schedule = 3e-4,
         n_steps: int = 2048,
         batch_size: int = 64,
@@ -120,6 +124,7 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             reward_scale=reward_scale,
             action_traces=action_traces,
             frozen=frozen,
+            penalty_weights=penalty_weights,
             learning_rate=learning_rate,
             n_steps=n_steps,
             batch_size=batch_size,

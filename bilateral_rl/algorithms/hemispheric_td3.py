@@ -18,7 +18,7 @@ from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.off_policy import ActorValue, HemisphericOffPolicy
 from bilateral_rl.algorithms.stream_replay import StreamSamples
 from bilateral_rl.policies.off_policy import TD3_ALIASES, BilateralTD3Policy
-from bilateral_rl.vocabulary import Group, Loss
+from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss
 
 
 class HemisphericTD3(HemisphericOffPolicy, TD3):
@@ -48,6 +48,8 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             muscles (``algorithms/action_traces.py``). The network sees the observation alone.
         frozen: groups of the network's parameters that do not learn, of "dominant", "non_dominant" and "shared";
             critics do, and so does the exploration.
+        penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
+            default.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
@@ -100,6 +102,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         critic_warm_up: int = 0,
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
+        penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
         standardize_inputs: bool = False,
         actor_value: ActorValue = "first",
         normalize_streams: bool = False,
@@ -136,6 +139,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             critic_warm_up=critic_warm_up,
             action_traces=action_traces,
             frozen=frozen,
+            penalty_weights=penalty_weights,
             standardize_inputs=standardize_inputs,
             actor_value=actor_value,
             normalize_streams=normalize_streams,

@@ -348,6 +348,27 @@ class Run:
         return learning_curves(self)
 
     @in_python
+    def blocks(self) -> pd.DataFrame:
+        """Return how the networks adapted to the field of an experiment, block by block, in trials without learning.
+
+        Returns:
+            A row for each network (``seed``), ``block`` and ``condition``, with ``done``, the updates (of supervised
+            training) or environment steps until then. Block 0 is before any learning. The condition is "field",
+            "null" (without it: what is left there is the after-effect; ``blocks.csv`` writes "null_field"), or
+            "channel" (in walls along the straight path). The measures, in the units of the metrics of these names:
+            ``goal_completion`` (%) within the run's own threshold, ``final_error``, ``perpendicular_deviation``,
+            ``signed_deviation`` and ``deviation_at_peak_speed`` (cm, to the left of the way to the target is positive);
+            ``channel_compensation`` (1: the hand presses on the walls with the force that would cancel the field) and
+            ``channel_peak_force`` (N), both NaN but in the channel. ``algo``, ``task`` and ``model`` come first.
+
+        Raises:
+            UserError: a run without blocks, or a damaged table.
+        """
+        from bilateral_rl.api.learning import adaptation_by_blocks
+
+        return adaptation_by_blocks(self)
+
+    @in_python
     def render(
         self,
         out: str | Path | None = None,

@@ -78,6 +78,7 @@ class Trainer:
         )
         self._workers = Workers(config.threads if config.device == "cpu" else 1)
         self._stack: _Stack | None = None
+        self._running: _Stack | None = None
 
     @property
     def updates_per_epoch(self) -> int:
@@ -100,8 +101,9 @@ class Trainer:
         """
         with one_torch_thread():
             stack = self._stack or self._make_stack()
-            self._stack = None
+            self._stack, self._running = None, stack
             result = self._update(stack, goes_on)
+            self._running = None
             if result is None:
                 return False
             self._take_over(stack)
@@ -110,6 +112,14 @@ class Trainer:
         if self.state.training() == stack.seeds:
             self._stack = stack  # else the next epoch makes a smaller one: seeds that stopped cost no more work
         return True
+
+    @property
+    def weights(self) -> Tensor:
+        """(S, width): the present parameters of every seed, also between two updates of an epoch."""
+        weights = self.state.weights.clone()
+        if self._running is not None:
+            weights[self._running.seeds] = self._running.rollout.weights.cpu()
+        return weights
 
     def close(self) -> None:
         """Let the threads go."""

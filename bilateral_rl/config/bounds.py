@@ -22,7 +22,7 @@ from bilateral_rl.config.hyperparameters import (
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.vocabulary import GROUPS
+from bilateral_rl.vocabulary import GROUPS, stream_mix, stream_names
 
 MOST_PARAMETERS = 10**7
 """Parameters of a network or a critic."""
@@ -43,6 +43,9 @@ def check(config: TrainConfig) -> None:
         raise UserError(f"The last seed, seed + seeds - 1, must be at most {MAX_SEED:,}, got {config.all_seeds[-1]:,}.")
     _check_network(config)
     _check_frozen(config)
+    if config.blocks.every and not (config.experiment and config.experiment.has_field):
+        raise UserError(f"blocks.every tests an adaptation to a field, which {config.task} has not: leave it out.")
+    _check_losses(config)
     if isinstance(config, RLConfig):
         _check_rl(config)
     if isinstance(config, BPTTConfig):
@@ -55,6 +58,17 @@ def check(config: TrainConfig) -> None:
     for name, size in _arrays(config):
         if size > MOST_NUMBERS:
             raise UserError(f"{name} would make an array of {size:,} numbers, and {MOST_NUMBERS:,} are the most.")
+
+
+def _check_losses(config: TrainConfig) -> None:
+    """Raise a UserError for a model with a loss that weighs nothing of what the arm does."""
+    weighed = [any(terms) for terms in config.trial.losses.weights]
+    for mix, name in zip(stream_mix(config.spec.loss), stream_names(config.spec.loss), strict=True):
+        if not any(share and some for share, some in zip(mix, weighed, strict=True)):
+            raise UserError(
+                f"{config.model} learns by the {name.replace('_', '-')} loss, and trial.losses weighs none of its "
+                "terms: give one of them a weight above 0."
+            )
 
 
 def check_trial(config: TrainConfig) -> None:
@@ -175,6 +189,7 @@ def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     yield "bptt.batch_size, seeds, trial and network", seeds * supervised.batch_size * steps * per_step
     yield "bptt.validation_trials, seeds, trial and network", seeds * supervised.validation_trials * steps * per_step
     yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL
+    yield "blocks.trials and trial", config.blocks.trials * steps * NUMBERS_PER_STEP
     if isinstance(config, RLConfig):
         chosen = config.hyperparameters
         per_step = NUMBERS_PER_STEP + len(chosen.action_traces) * (N_MUSCLES + 1)

@@ -13,9 +13,10 @@ import yaml
 from bilateral_rl.config.bounds import check
 from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge, plain_values
-from bilateral_rl.config.schema import CONFIGS, SACConfig, TrainConfig
+from bilateral_rl.config.schema import CONFIGS, RLConfig, SACConfig, TrainConfig
 from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import group_penalties
 
 
 def resolve(
@@ -43,7 +44,7 @@ def resolve(
     names = _names_of({name: value for layer in (*layers, chosen) for name, value in layer.items()})
     check_names(**names)
     found = choose_task(task, layers, TrainConfig.task)
-    values = _usual(names["algo"], found)
+    values = _usual(names["algo"], found, _initial(layers))
     for layer in map(_without_what_is_gone, layers):
         if _is_whole(layer) and not _is_of_another(layer, names["algo"], found):
             values = {}
@@ -59,6 +60,12 @@ def resolve(
 
 def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
     """Raise a UserError for what ``layer`` sets and another setting leaves without effect."""
+    blocks = layer.get("blocks")
+    if isinstance(blocks, Mapping) and blocks.keys() == {"trials"} and not config.blocks.every:
+        raise UserError(
+            "blocks.trials are of tests along an adaptation, of which there are none: give blocks.every too."
+        )
+    _check_penalty(layer, config)
     sac = layer.get("sac")
     if not isinstance(config, SACConfig) or config.sac.ent_coef is None or not isinstance(sac, Mapping):
         return
@@ -67,6 +74,18 @@ def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
             raise UserError(
                 f"sac.{name} is of a learned temperature, and sac.ent_coef gives one: leave one of them out."
             )
+
+
+def _check_penalty(layer: Mapping[str, Any], config: TrainConfig) -> None:
+    """Raise a UserError for a weight penalty that no loss of the model weighs; studies of many models have BPTT's."""
+    chosen = layer.get(config.algo)
+    if not isinstance(config, RLConfig) or not isinstance(chosen, Mapping) or not chosen.get("weight_penalty"):
+        return
+    if not any(group_penalties(config.spec.loss, weights=config.trial.losses.penalties).values()):
+        raise UserError(
+            f"{config.algo}.weight_penalty has no effect on {config.model}, whose loss weighs it by 0: leave it out, "
+            "or give trial.losses a penalty."
+        )
 
 
 def _names_of(values: Mapping[str, Any]) -> dict[str, str]:
@@ -118,13 +137,27 @@ def _without_defaults(layer: Mapping[str, Any]) -> Values:
     Only that was somebody's choice: the rest was tuned for what it is no longer used for.
     """
     algo = layer["algo"]
-    usual = from_values({"algo": algo} | _usual(algo, choose_task(None, [layer], TrainConfig.task))).to_values()
+    task = choose_task(None, [layer], TrainConfig.task)
+    usual = from_values({"algo": algo} | _usual(algo, task, _initial([layer]))).to_values()
     return {name: value for name, value in _difference(layer, usual).items() if name not in ("task", "experiment")}
 
 
-def _usual(algo: str, task: TaskChoice) -> Values:
-    """Return the tuned defaults of an algorithm and a task, and the settings of trials that the task has."""
-    return merge(tuned_defaults(algo, task.tuned_as), {"trial": task.trial} if task.trial else {})
+def _initial(layers: Sequence[Mapping[str, Any]]) -> object:
+    """Return the network that layers begin with; None for a fresh one."""
+    return next((layer["init_from"] for layer in reversed(layers) if "init_from" in layer), None)
+
+
+def _usual(algo: str, task: TaskChoice, init_from: object) -> Values:
+    """Return the tuned defaults of an algorithm and a task, and the settings of trials that the task has.
+
+    An experiment with a field has some of its own, and more where a network that has learned before adapts to it.
+    """
+    values = tuned_defaults(algo, task.tuned_as)
+    if task.experiment is not None and task.experiment.has_field:
+        table = _defaults_table()[algo]
+        values = merge(values, table["in_field"])
+        values = values if init_from is None else merge(values, table["adapting"])
+    return merge(values, {"trial": task.trial} if task.trial else {})
 
 
 def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:

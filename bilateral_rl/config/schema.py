@@ -114,6 +114,16 @@ class EvaluationConfig:
 
 
 @dataclass(frozen=True, config=STRICT)
+class BlocksConfig:
+    """Tests along an adaptation to the field of an experiment, which has them by default."""
+
+    every: CountOrNone = 0
+    """Updates of a BPTT, or environment steps over all arms, from one test to the next; 0 for none."""
+    trials: AtOnce = 64
+    """Trials in each condition, the same ones each time, by the deterministic policy (trials)."""
+
+
+@dataclass(frozen=True, config=STRICT)
 class TrainConfig(ABC):
     """What sets one training apart, whatever the algorithm; each algorithm's configuration adds its own."""
 
@@ -137,6 +147,7 @@ class TrainConfig(ABC):
     """RUN or RUN:seed whose network the training begins with; a fresh one by default."""
     frozen: Groups = ()
     """Parameter groups of the network that do not learn: any two of dominant, non_dominant and shared."""
+    blocks: BlocksConfig = field(default_factory=BlocksConfig)
     network: NetworkConfig = field(default_factory=NetworkConfig)
     trial: TrialSettings = field(default_factory=TrialSettings)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.runs.folder import FINAL, IMPORTED, RunFolder
 from bilateral_rl.runs.normalized_observations import Statistics, shows_normalization
 from bilateral_rl.runs.policies import build_policy
+from bilateral_rl.vocabulary import PENALTY_WEIGHTS, SIDES, group_penalties
 
 
 @dataclass(frozen=True)
@@ -108,12 +109,18 @@ class SavedModel:
                 **({} if algo == "td3" else {"log_std_init": self._log_std_init}),
             },
             algo: self._hyperparameters(algo, policy),
+            "trial": {"losses": {side: {"penalty": w} for side, w in zip(SIDES, self._penalty_weights, strict=True)}},
         }
         return resolve(algo, task, [stored, overrides])
 
     @property
     def _log_std_init(self) -> float:
         return float(self.data.get("policy_kwargs", {}).get("log_std_init", 0.0))
+
+    @property
+    def _penalty_weights(self) -> Sequence[float]:
+        weights: Sequence[float] = self.data.get("penalty_weights", PENALTY_WEIGHTS)
+        return weights
 
     @property
     def normalized_observations(self) -> bool | None:
@@ -136,6 +143,8 @@ class SavedModel:
         others = {
             name: self.data.get(name, getattr(algorithm, name, None)) for name in ("action_traces", "actor_value")
         }
+        if not any(group_penalties(self.data.get("loss", "combined"), None, self._penalty_weights).values()):
+            values["weight_penalty"] = 0.0  # whatever it was, it had no effect
         chosen = values | final | {name: value for name, value in others.items() if name in names}
         return {name: plain(value) for name, value in chosen.items() if value is not None}
 

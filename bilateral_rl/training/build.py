@@ -15,6 +15,7 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.doors import arguments_for
 from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.runs.policies import policy_arguments
+from bilateral_rl.vocabulary import group_penalties
 
 
 def build_algorithm(config: RLConfig) -> Hemispheric:
@@ -30,7 +31,8 @@ def build_algorithm(config: RLConfig) -> Hemispheric:
             env,
             loss=config.spec.loss,
             frozen=config.frozen,
-            **algorithm_arguments(config),
+            penalty_weights=config.trial.losses.penalties,
+            **algorithm_arguments(config) | _no_penalty(config),
             stats_window_size=max(100, config.n_envs),
             policy_kwargs=policy_arguments(config),
             seed=config.seed,
@@ -46,3 +48,9 @@ def algorithm_arguments(config: RLConfig) -> dict[str, Any]:
     hyperparameters = dataclasses.asdict(config.hyperparameters)
     algorithm = ALGORITHM_CLASSES[config.algo]
     return algorithm.constructor_arguments(hyperparameters, config.timesteps, config.n_envs, N_MUSCLES)
+
+
+def _no_penalty(config: RLConfig) -> dict[str, Any]:
+    """Return the coefficient 0 of a penalty that weighs nothing in the model's loss, whatever the usual one is."""
+    weights = group_penalties(config.spec.loss, weights=config.trial.losses.penalties)
+    return {} if any(weights.values()) else {"weight_penalty": 0.0}

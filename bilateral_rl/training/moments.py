@@ -45,7 +45,9 @@ def trained_moments(folder: RunFolder, seeds: Sequence[int], weights: str = FINA
         raise UserError(f"{folder.path} has no training state, and so no optimizer to continue: {hint}.")
     layout = Layout(build_network(config))
     try:
-        state = read_state(folder.load_resume(), config, layout)
+        # Beside the trainer's state lie the logs' sizes and the blocks', under names with a dot.
+        tensors = {name: tensor for name, tensor in folder.load_resume().items() if "." not in name}
+        state = read_state(tensors, config, layout)
     except ValueError as error:
         raise UserError(f"The training state of {folder.path} is damaged: {error}; {hint}.") from None
     networks, indices = network_states(folder, weights), [config.all_seeds.index(seed) for seed in seeds]

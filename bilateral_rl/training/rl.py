@@ -20,6 +20,7 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralTD3Policy
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.training import checkpoint
+from bilateral_rl.training.blocks import BlocksCallback, blocks_of_run
 from bilateral_rl.training.build import build_algorithm
 from bilateral_rl.training.callbacks import LogCallback, MonitorCallback, Stopped, WatcherCallback
 from bilateral_rl.training.evaluation import Evaluations
@@ -28,8 +29,8 @@ from bilateral_rl.training.lesion_probe import probe_of_run
 from bilateral_rl.training.silence import silence_notes
 from bilateral_rl.training.tracking import Tracking
 
-_EVALUATION = "evaluation"
-"""Prefix of the evaluations' part of the state."""
+_EVALUATION, _BLOCKS = "evaluation", "blocks"
+"""Prefixes of the evaluations' and the blocks' part of the state."""
 
 
 class RLLearner(Learner):
@@ -50,7 +51,9 @@ class RLLearner(Learner):
         self._evaluations = Evaluations(config, folder)
         self._monitor = MonitorCallback(folder, ENVIRONMENT_IDS.get(config.task, config.task))
         self._probe = probe_of_run(config, folder)
-        self.logs = {log.path.name: log for log in (self._evaluations.log, self._monitor.log)}
+        self._blocks = blocks_of_run(config, folder)
+        logs = [self._evaluations.log, self._monitor.log, *([self._blocks.log] if self._blocks else [])]
+        self.logs = {log.path.name: log for log in logs}
         self._resumes = False
         self._tracking: Tracking | None = None
         self._resources = contextlib.ExitStack()
@@ -69,8 +72,8 @@ class RLLearner(Learner):
 
     def state(self) -> Tensors:
         self._check_finite()
-        evaluations = checkpoint.join({_EVALUATION: self._evaluations.tensors()})
-        return checkpoint.state_tensors(self.algorithm) | evaluations
+        parts = {_EVALUATION: self._evaluations.tensors()} | ({_BLOCKS: self._blocks.tensors()} if self._blocks else {})
+        return checkpoint.state_tensors(self.algorithm) | checkpoint.join(parts)
 
     def load(self, state: Tensors) -> None:
         checkpoint.check(state)
@@ -82,6 +85,8 @@ class RLLearner(Learner):
             )
         parts = checkpoint.split(state)
         self._evaluations.restore(parts.pop(_EVALUATION, {}), self.algorithm.policy)
+        if self._blocks:
+            self._blocks.restore(parts.pop(_BLOCKS, {}))
         checkpoint.restore(self.algorithm, checkpoint.join(parts))
         self._resumes = True
 
@@ -122,6 +127,7 @@ class RLLearner(Learner):
         # In the order in which they act between two iterations: the watcher, who saves, knows of all the others.
         callbacks: list[BaseCallback] = [self._monitor, LogCallback(config.timesteps)]
         callbacks += [self._probe] if self._probe else []
+        callbacks += [BlocksCallback(self._blocks, config.seed)] if self._blocks else []
         try:
             algorithm.learn(
                 config.timesteps - algorithm.num_timesteps,

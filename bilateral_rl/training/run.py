@@ -125,7 +125,7 @@ def _make_learner(
     at_once: int | None = None,
 ) -> Learner:
     if isinstance(config, BPTTConfig):
-        return SupervisedLearner(config, initial)
+        return SupervisedLearner(config, folder, initial)
     assert isinstance(config, RLConfig)
     if config.seeds > 1:
         return SideBySideLearner(config, folder, at_once)

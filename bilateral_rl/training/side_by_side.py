@@ -23,6 +23,7 @@ from typing import Any
 
 import torch
 
+from bilateral_rl.analysis.block_table import BLOCKS
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.io.cpus import usable_cpus
 from bilateral_rl.io.tensors import Tensors
@@ -143,10 +144,14 @@ class SideBySideLearner(Learner):
         return self._evaluations.pop(0) if self._evaluations else {}, False
 
     def write_tables(self, folder: RunFolder) -> None:
-        """Write ``evaluations.csv``: the tables of the seeds one below the other, with a column ``seed``."""
+        """Write each table of the seeds in one, one seed below the other, with a column ``seed``."""
+        for name in ("evaluations.csv", BLOCKS):
+            self._write_table(folder, name)
+
+    def _write_table(self, folder: RunFolder, name: str) -> None:
         rows: list[dict[str, Any]] = []
         for seed in self._done:
-            path = self._child(seed).path / "evaluations.csv"
+            path = self._child(seed).path / name
             if path.is_file():
                 with path.open(newline="", encoding="utf-8") as file:
                     rows += [{"seed": seed, **row} for row in csv.DictReader(file)]
@@ -157,7 +162,7 @@ class SideBySideLearner(Learner):
             writer = csv.DictWriter(text, list(columns), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
-            folder.write_text("evaluations.csv", text.getvalue())
+            folder.write_text(name, text.getvalue())
 
     def notes(self) -> list[str]:
         return [note for seed in self._done for note in self._notes.get(seed, [])]

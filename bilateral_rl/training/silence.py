@@ -34,7 +34,8 @@ def _note(side: Side, modulation: SideModulation, weight: float, config: TrainCo
 def _cure(side: Side, config: TrainConfig) -> str:
     """Name the setting that may keep a side alive: the weight penalty, where it acts on that side; else what to try."""
     name, coefficient = _penalty(config)
-    if coefficient == 0 or group_penalties(config.spec.loss)[side] == 0:
+    weights = group_penalties(config.spec.loss, weights=config.trial.losses.penalties)
+    if coefficient == 0 or weights[side] == 0:
         return "; other seeds show whether it is this network's alone"
     return f"; a smaller {name} than {coefficient:g} may keep it alive"
 

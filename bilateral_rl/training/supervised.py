@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import torch
@@ -22,11 +23,14 @@ from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.runs.folder import BEST, FINAL, FINISHED, INTERRUPTED, RunFolder
 from bilateral_rl.runs.policies import build_network, build_policy, stack_states
+from bilateral_rl.training.blocks import blocks_of_run
 from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.learner import Diverged, Learner, Moment, Watcher
 from bilateral_rl.training.silence import silence_notes
 from bilateral_rl.vocabulary import SIDES
 
+_BLOCKS = "blocks."
+"""Prefix, in the state, of the blocks' part."""
 FIGURE_TRIALS = 12
 """Number of hand paths drawn at the end, for each seed."""
 
@@ -38,10 +42,11 @@ class SupervisedLearner(Learner):
 
     Args:
         config: of the training.
+        folder: where logs go.
         initial: ``state_dict()`` of the network that each seed begins with; None for fresh ones.
     """
 
-    def __init__(self, config: BPTTConfig, initial: dict[int, Tensors] | None = None) -> None:
+    def __init__(self, config: BPTTConfig, folder: RunFolder, initial: dict[int, Tensors] | None = None) -> None:
         self._config = config
         self._seeds = config.all_seeds
         self.evaluation_every = self.checkpoint_every = config.updates_per_epoch
@@ -49,6 +54,8 @@ class SupervisedLearner(Learner):
         self._columns = history_columns(config, self._layout)
         networks = initial or {seed: fresh_network(config, seed) for seed in self._seeds}
         self._state = TrainingState.start(self._layout.pack(list(networks.values())), len(self._columns))
+        self._blocks = blocks_of_run(config, folder)
+        self.logs = {self._blocks.log.path.name: self._blocks.log} if self._blocks else {}
         self._resources = contextlib.ExitStack()
 
     @property
@@ -65,9 +72,14 @@ class SupervisedLearner(Learner):
         return f"has done its {self._state.epoch} epochs; give a larger --epochs to train it further"
 
     def state(self) -> Tensors:
-        return self._state.tensors()
+        of_blocks = {f"{_BLOCKS}{name}": t for name, t in self._blocks.tensors().items()} if self._blocks else {}
+        return self._state.tensors() | of_blocks
 
     def load(self, state: Tensors) -> None:
+        if self._blocks:
+            of_blocks = {name: t for name, t in state.items() if name.startswith(_BLOCKS)}
+            self._blocks.restore({name.removeprefix(_BLOCKS): t for name, t in of_blocks.items()})
+            state = {name: t for name, t in state.items() if name not in of_blocks}
         self._state = read_state(state, self._config, self._layout)
 
     def status(self, run_state: str) -> dict[str, Any]:
@@ -108,14 +120,27 @@ class SupervisedLearner(Learner):
 
     def learn(self, watcher: Watcher) -> bool:
         trainer = Trainer(self._config, self._layout, self._state)
+        blocks = self._blocks
 
         def goes_on(updates: int) -> bool:
-            return watcher.step(self.done + updates)
+            done = self.done + updates
+            if blocks and blocks.is_due(done):
+                blocks.test(self._policies(trainer.weights, trainer.state.training()), done)
+            return watcher.step(done)
 
         with contextlib.closing(trainer):
+            if blocks:
+                blocks.begin(self.done)
+                if blocks.is_due(self.done):
+                    blocks.test(self._policies(self._state.weights, self._state.training()), self.done)
+                    blocks.commit()
             while watcher.between() and not trainer.finished:
                 if not trainer.run_epoch(goes_on):
                     break
+                if blocks:
+                    if trainer.finished and not blocks.is_tested(self.done):
+                        blocks.test(self._policies(self._state.weights, self._newest()), self.done)
+                    blocks.commit()
         if bool((self._state.seed_state == SeedState.FAILED).all()):
             raise Diverged(" ".join([*self._failures(), "Try a smaller bptt.learning_rate."]))
         return trainer.finished
@@ -158,12 +183,17 @@ class SupervisedLearner(Learner):
         ]
 
     def policies(self) -> dict[int, MotorPolicy]:
-        policies: dict[int, MotorPolicy] = {}
-        for seed, network in self._networks(self._state.weights).items():
-            policies[seed] = build_policy(self._config)
-            policies[seed].motor_network.load_state_dict(network)
-            policies[seed].set_training_mode(False)
-        return policies
+        return dict(self._policies(self._state.weights))
+
+    def _policies(self, rows: torch.Tensor, which: Sequence[int] | None = None) -> Iterator[tuple[int, MotorPolicy]]:
+        """Yield each seed with its policy, from rows of parameters (S, width); of all seeds, or of those indices."""
+        networks = self._networks(rows)
+        for i, (seed, network) in enumerate(networks.items()):
+            if which is None or i in which:
+                policy = build_policy(self._config)
+                policy.motor_network.load_state_dict(network)
+                policy.set_training_mode(False)
+                yield seed, policy
 
     def _silence(self) -> list[str]:
         """Return a sentence for each side of each seed that is silent."""
@@ -176,6 +206,10 @@ class SupervisedLearner(Learner):
             notes = silence_notes(modulation, dict(zip(SIDES, weights, strict=True)), self._config)
             sentences += [f"Seed {seed}: {note}" if len(self._seeds) > 1 else note for note in notes]
         return sentences
+
+    def _newest(self) -> list[int]:
+        """Return the indices of the seeds that were in the last epoch."""
+        return (self._state.epochs == self._state.epoch).nonzero().flatten().tolist()
 
     def _latest(self) -> torch.Tensor:
         """Return what each seed's last epoch brought, even if that was long ago, (S, columns); there was one."""

@@ -21,8 +21,8 @@ POLICY = "CallosalPolicy"
 _LINEAR = "lin_"
 _ONLY_HEMISPHERIC = frozenset(
     {
-        "loss", "weight_penalty", "reward_scale", "critic_warm_up", "action_traces", "standardize_inputs",
-        "actor_value", "normalize_streams",
+        "loss", "weight_penalty", "penalty_weights", "frozen", "reward_scale", "critic_warm_up", "action_traces",
+        "standardize_inputs", "actor_value", "normalize_streams",
     }
 )  # fmt: skip
 """Arguments that stock algorithms do not take."""

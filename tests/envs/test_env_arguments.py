@@ -93,6 +93,14 @@ def test_every_weight_of_a_loss_shows_but_that_of_the_weight_penalty():
             assert shows == (field.name != "penalty"), field.name
 
 
+def test_a_mapping_of_weights_changes_the_papers_loss_and_a_side_loss_is_the_whole_of_it():
+    paper = LossSettings()
+    added = LossSettings(dominant={"hand_speed": 0.1}).dominant
+    assert added == dataclasses.replace(paper.dominant, hand_speed=0.1)
+    assert LossSettings(dominant=SideLoss(hand_speed=0.1)).dominant.cartesian_2 == 0
+    assert LossSettings(dominant={}, non_dominant={}) == paper
+
+
 def test_every_parameter_of_the_arm_shows():
     plain = rollout()
     for field in dataclasses.fields(ArmParameters):

@@ -1,6 +1,7 @@
 """Every argument of every algorithm: another value shows in what is learned, or is refused with what to do instead."""
 
 import inspect
+import warnings
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ SHOWS = {
     "env": lambda: arm(3),
     "loss": "combined",
     "weight_penalty": 0.5,
+    "penalty_weights": [1.0, 0.5],
     "reward_scale": 2.0,
     "action_traces": (0.5,),
     "frozen": "dominant",
@@ -184,6 +186,9 @@ BAD = [
     ({"gamma": float("nan")}, "gamma must be a finite number, got nan"),
     ({"gamma": "0.9"}, r"gamma must be a finite number, got '0\.9'"),
     ({"weight_penalty": -0.1}, r"weight_penalty must be at least 0, got -0\.1"),
+    ({"penalty_weights": 2.0}, r"penalty_weights takes two numbers, .* got 2\.0"),
+    ({"penalty_weights": (0, 1, 2)}, r"penalty_weights takes two numbers, .* got \(0, 1, 2\)"),
+    ({"penalty_weights": (0, -1)}, "each number of penalty_weights must be at least 0, got -1"),
     ({"reward_scale": 0}, "reward_scale must be above 0, got 0"),
     ({"learning_rate": -1}, "learning_rate must be at least 0, got -1"),
     ({"learning_rate": "fast"}, "learning_rate must be a finite number, got 'fast'"),
@@ -231,6 +236,17 @@ def test_what_another_argument_leaves_without_effect_is_refused():
     ):
         with pytest.raises(ValueError, match=message):
             make(algorithm, **arguments)
+
+
+@each_algorithm
+def test_a_penalty_that_no_loss_weighs_warns(algorithm):
+    for arguments in ({"loss": "dominant"}, {"penalty_weights": (0, 0)}):
+        with pytest.warns(UserWarning, match=r"weight_penalty=0\.5 has no effect: the penalty weighs nothing"):
+            make(algorithm, weight_penalty=0.5, **arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for arguments in ({}, {"weight_penalty": 0.0}, {"weight_penalty": 0.5, "penalty_weights": (1, 0)}):
+            make(algorithm, **{"loss": "dominant"} | arguments)
 
 
 # Attributes

@@ -10,7 +10,10 @@ from stable_baselines3.common.buffers import DictRolloutBuffer, ReplayBuffer, Ro
 
 from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC
 
-OURS = {"loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0, "action_traces": (), "frozen": ()}
+OURS = {
+    "loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0, "action_traces": (), "frozen": (),
+    "penalty_weights": (0.0, 2.0),
+}  # fmt: skip
 OURS_OFF_POLICY = OURS | {"critic_warm_up": 0, "standardize_inputs": False, "normalize_streams": False}
 OF_SAC = {"policy_delay": 1}
 """The arguments that hemispheric algorithms have besides SB3's, with their defaults."""

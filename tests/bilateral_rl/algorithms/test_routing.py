@@ -15,7 +15,7 @@ from bilateral_rl.algorithms.routing import (
     policy_shares,
 )
 from bilateral_rl.policies import ARCHITECTURES, make_network
-from bilateral_rl.vocabulary import LOSSES, group_penalties, stream_mix, stream_names
+from bilateral_rl.vocabulary import GROUPS, LOSSES, group_penalties, stream_mix, stream_names
 
 NETWORK_GROUPS = ("dominant", "non_dominant", "shared")
 
@@ -133,6 +133,15 @@ def test_a_lesioned_side_gets_no_gradient_unless_it_speaks_over_the_callosum(arc
 
 def test_the_penalty_weighs_on_each_group_as_the_paper_says():
     assert {loss: group_penalties(loss) for loss in LOSSES} == PENALTY_ON_GROUP
+
+
+def test_weights_of_the_penalty_are_mixed_and_routed_as_the_losses_are():
+    assert group_penalties("specialized", None, (3.0, 1.0)) == {"dominant": 3.0, "non_dominant": 1.0, "shared": 2.0}
+    assert group_penalties("specialized", [2.0, 0.5], (3.0, 1.0)) == {
+        "dominant": 6.0, "non_dominant": 0.5, "shared": 3.25
+    }  # fmt: skip
+    assert group_penalties("combined", None, (3.0, 1.0)) == dict.fromkeys(GROUPS, 2.0)
+    assert group_penalties("dominant", None, (3.0, 1.0)) == dict.fromkeys(GROUPS, 3.0)
 
 
 def test_the_penalty_is_scaled_as_the_streams_that_pay_it():

@@ -20,7 +20,7 @@ from hemispheric_models import (
 
 from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC, HemisphericTD3
 
-COMMON = {"weight_penalty": 0.02, "reward_scale": 3.0, "gamma": 0.9}
+COMMON = {"weight_penalty": 0.02, "penalty_weights": (0.5, 1.0), "reward_scale": 3.0, "gamma": 0.9}
 ON = {"gae_lambda": 0.8, "ent_coef": 0.01, "vf_coef": 0.3, "max_grad_norm": 0.7, "n_steps": 20}
 OFF = {"tau": 0.1, "gradient_steps": 2, "learning_starts": 30, "batch_size": 30, "buffer_size": 300}
 SETTINGS = {

@@ -37,6 +37,7 @@ SIGNATURES = {
     "n_envs=None, units=None, layers=None, threshold=None, device=None, init_from=None, track=None, config=None, "
     "settings=None, out='runs', progress=True)",
     "Run.curves": "()",
+    "Run.blocks": "()",
     "Run.policy": "(seed=None, lesion='intact', weights='final')",
     "Run.evaluate": f"({TESTS}, {CONDITIONS}, deterministic=True, weights='final', by='seed')",
     "Run.lesion": "(lesions=None, retrain=None, *, retrain_epochs=None, retrain_learning_rate=None, "

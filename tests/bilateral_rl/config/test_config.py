@@ -67,7 +67,7 @@ def test_tuned_defaults_are_for_algorithms_and_tasks_that_exist():
     table = yaml.safe_load(importlib.resources.files("bilateral_rl.config").joinpath("defaults.yaml").read_text())
     assert set(table) <= set(ALGORITHMS)
     for algo, by_task in table.items():
-        assert set(by_task) <= {"any_task", "quick", *TASKS}
+        assert set(by_task) <= {"any_task", "in_field", "adapting", "quick", *TASKS}
         for values in by_task.values():
             assert not {"algo", "model", "task", "seed"} & set(values)
             assert set(values) <= {f.name for f in dataclasses.fields(CONFIGS[algo])}

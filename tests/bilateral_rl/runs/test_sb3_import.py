@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericSAC, HemisphericTD3
 from bilateral_rl.envs import ArmEnv, ArmVecEnv
+from bilateral_rl.envs.losses import LossSettings
 from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.policies.off_policy import BilateralTD3Policy, CallosalSACPolicy
 from bilateral_rl.runs.folder import RunFolder
@@ -75,12 +76,16 @@ def test_a_model_of_any_algorithm_acts_as_before(call, tmp_path, observations, n
 
 
 def test_the_configuration_says_what_the_model_tells(call, tmp_path):
-    make("HemisphericPPO", learning_rate=lambda left: 0.01 + 0.02 * left, gamma=0.9, clip_range=0.3).save(
-        tmp_path / "model"
-    )
+    chosen = {"gamma": 0.9, "clip_range": 0.3, "penalty_weights": (0.5, 1.0)}
+    noisy = {"policy_kwargs": ODD["policy_kwargs"] | {"hidden_noise": 0.1}}
+    make("HemisphericPPO", learning_rate=lambda left: 0.01 + 0.02 * left, **chosen, **noisy).save(tmp_path / "model")
     config = imported(call, tmp_path, "--set", "trial.threshold=0.02", task="hold_position").config()
     network, ppo = config.network, config.ppo
     assert (network.units, network.layers, network.critic_arch, network.log_std_init) == (14, 3, (8,), -1.0)
+    assert network.hidden_noise == 0.1
+    assert config.trial.losses == LossSettings(dominant={"penalty": 0.5}, non_dominant={"penalty": 1.0}), (
+        "terms as in the paper"
+    )
     assert (ppo.learning_rate, ppo.final_learning_rate) == pytest.approx((0.03, 0.01))
     assert (ppo.gamma, ppo.clip_range, ppo.n_steps, ppo.batch_size) == (0.9, 0.3, 5, 20)
     assert (config.task, config.seed, config.n_envs, config.trial.threshold) == ("hold_position", 5, 4, 0.02)

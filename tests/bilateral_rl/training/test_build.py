@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import merge
-from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.resolve import from_values, resolve
 from bilateral_rl.config.schema import CONFIGS, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.io.errors import UserError
@@ -129,6 +129,36 @@ def test_every_hyperparameter_reaches_the_algorithm(algo):
     built = as_built(algorithm)
     for name, value in given.items():
         assert built.get(name, getattr(algorithm, name, None)) == pytest.approx(value), name
+
+
+@algos
+def test_the_losses_weights_of_the_penalty_reach_the_algorithm(algo):
+    assert build_algorithm(small(algo)).penalty_weights == (0.0, 2.0)
+    heavy = small(algo, trial={"losses": {"dominant": {"penalty": 0.5}}})
+    assert heavy.trial.losses.dominant.cartesian_2 == 5.0, "a mapping changes the paper's loss"
+    assert build_algorithm(heavy).penalty_weights == (0.5, 2.0)
+
+
+def test_a_penalty_that_weighs_nothing_in_the_models_loss_is_refused_where_it_is_set(recwarn):
+    by_default = small("ppo", model="uni_dl")
+    assert by_default.ppo.weight_penalty > 0
+    assert build_algorithm(by_default).weight_penalty == 0
+    assert not [str(w.message) for w in recwarn if "weight_penalty" in str(w.message)]
+    with pytest.raises(UserError, match=r"ppo\.weight_penalty has no effect on uni_dl, whose loss weighs it by 0"):
+        small("ppo", model="uni_dl", ppo={"weight_penalty": 0.1})
+    heavy = {"losses": {"dominant": {"penalty": 1.0}}}
+    assert build_algorithm(small("ppo", model="uni_dl", ppo={"weight_penalty": 0.1}, trial=heavy)).weight_penalty == 0.1
+    from_values(by_default.to_values())  # a run that says so by default is read
+
+
+def test_a_loss_that_weighs_nothing_is_refused_where_a_model_learns_by_it():
+    nothing = {"cartesian_2": 0.0, "activation": 0.0, "penalty": 1.0}
+    without = {"losses": {"dominant": nothing}}
+    for model in ("cc_s", "uni_dl"):
+        with pytest.raises(UserError, match=rf"{model} learns by the dominant loss, and trial\.losses weighs none of"):
+            small("ppo", model=model, trial=without)
+    for model in ("uni_ndl", "bi_ns"):
+        small("ppo", model=model, trial=without)
 
 
 def test_a_given_temperature_reaches_sac():

@@ -20,7 +20,7 @@ def test_the_moments_of_a_seed_are_those_of_its_training_state(bptt_run):
 
 
 def test_a_seed_that_stopped_early_has_fewer_updates(bptt_run):
-    learner = SupervisedLearner(bptt_run.config())
+    learner = SupervisedLearner(bptt_run.config(), bptt_run)
     learner.load(bptt_run.load_resume())
     state = learner.state()
     state["epochs"][1] -= 1

@@ -32,6 +32,7 @@ MACHINE = {"threads", "device", "track"}
 SHARED = {
     "seed", "seeds", "init_from", "frozen", "timesteps", "n_envs", "evaluation.every", "evaluation.trials",
     "evaluation.checkpoint_every", "evaluation.lesion_probe_every", "evaluation.seed",
+    "blocks.every", "blocks.trials",
 }  # fmt: skip
 """Settings of every reinforcement learning that are no arguments of an algorithm or a policy."""
 RL = [algo for algo in ALGORITHMS if algo != "bptt"]
@@ -110,7 +111,8 @@ def trained(algo, out, *layers):
 
 @pytest.mark.parametrize("algo", SMALL)
 def test_every_other_setting_shows_in_the_run(algo, tmp_path):
-    told_elsewhere = (
+    told_elsewhere = {"blocks.every", "blocks.trials"}  # test_blocks.py
+    told_elsewhere |= (
         {"seeds"} if algo == "ppo" else {"bptt.patience", "network.hidden_noise"}
     )  # the latter once BPTT draws it
     shown = {name for name in SHOWS[algo] if algo == "bptt" or name in SHARED | {"trial"}}
