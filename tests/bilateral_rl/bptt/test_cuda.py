@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from rich_tasks import RICH_SETTINGS
 
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.bptt.layout import Layout
@@ -15,10 +16,12 @@ from bilateral_rl.training.run import resume, train
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
 
 FEW = {"trials": 64, "batch_size": 16, "validation_trials": 8}
+RICH = {"model": "cc_s", "trial": RICH_SETTINGS, "network": {"hidden_noise": 0.05}}
+"""Every sense with its noise and delay, every loss, and noisy units."""
 
 
-def trained(out, device, **values):
-    config = resolve("bptt", "random_reach", [{"seeds": 3, "epochs": 2, "device": device, "bptt": FEW} | values])
+def trained(out, device, task="random_reach", **values):
+    config = resolve("bptt", task, [{"seeds": 3, "epochs": 2, "device": device, "bptt": FEW} | values])
     return train(config, out).folder
 
 
@@ -29,6 +32,23 @@ def test_a_gpu_trains_the_same_networks_as_the_cpu(tmp_path, model, profile):
     for seed in states[0]:
         for name, value in states[0][seed].items():
             torch.testing.assert_close(states[1][seed][name], value, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("task", ["curl_field", "force_pulse", "target_jump"])
+def test_a_gpu_trains_on_forces_timelines_noise_delays_and_further_losses_as_the_cpu_does(tmp_path, task):
+    on_cpu, on_cuda = (network_states(trained(tmp_path, device, task, **RICH)) for device in ("cpu", "cuda"))
+    for seed in on_cpu:
+        for name, value in on_cpu[seed].items():
+            torch.testing.assert_close(on_cuda[seed][name], value, rtol=1e-3, atol=3e-4)
+
+
+def test_a_gpu_keeps_what_is_frozen_as_it_was(tmp_path):
+    on_cpu, on_cuda = (trained(tmp_path, device, model="cc_s", frozen=["dominant"]) for device in ("cpu", "cuda"))
+    names = [name for name in network_states(on_cpu)[0] if name.startswith("dominant.")]
+    assert names
+    for seed, state in network_states(on_cuda).items():
+        for name in names:
+            assert torch.equal(state[name], network_states(on_cpu)[seed][name])
 
 
 def test_a_run_of_the_gpu_goes_on_on_the_cpu(tmp_path):

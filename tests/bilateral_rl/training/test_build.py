@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from hemispheric_models import optimizers
+from rich_tasks import RICH_SETTINGS
 from stable_baselines3.common.callbacks import BaseCallback
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
@@ -75,8 +76,11 @@ def test_every_algorithm_trains_every_model_which_acts_from_its_run_as_it_was_tr
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
 @algos
-def test_every_algorithm_trains_on_a_gpu(algo):
-    algorithm = build_algorithm(small(algo, device="cuda"))
+@pytest.mark.parametrize(
+    "values", [{}, {"network": {"hidden_noise": 0.1}, "trial": RICH_SETTINGS}], ids=["plain", "rich"]
+)
+def test_every_algorithm_trains_on_a_gpu(algo, values):
+    algorithm = build_algorithm(small(algo, device="cuda", **values))
     before = copy.deepcopy(algorithm.policy.state_dict())
     algorithm.learn(48)
     after = algorithm.policy.state_dict()
