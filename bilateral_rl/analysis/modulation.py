@@ -76,6 +76,8 @@ class SideModulation:
 def side_modulation(network: MotorNetwork, record: TrialRecord) -> SideModulation | None:
     """Return what each side of ``network`` supplied in trials that it did itself, with its present lesion.
 
+    Noise of its hidden units is left out: it would make a side that is silent seem to say something.
+
     Args:
         network: any network; one without sides gives None.
         record: trials that it did in its present state.
@@ -91,15 +93,17 @@ def side_modulations(
     return {seed: modulation for seed, modulation in of_seeds.items() if modulation}
 
 
-def contributions(network: BilateralNetwork, observation: NDArray[np.float32]) -> Contributions:
+def contributions(
+    network: BilateralNetwork, observation: NDArray[np.float32], noise: torch.Tensor | None = None
+) -> Contributions:
     """Return what each side of ``network``, with its present lesion, adds to the commands on observations (n, T, 16).
 
     That is the side's last hidden layer times its combination weight, through the output layer without its bias. A side
-    with a deep lesion adds nothing.
+    with a deep lesion adds nothing. With noise of hidden units, (n, T, layers · sides, width), that is in it.
     """
     weights, output = network.combination_weights(), network.output.weight
     with one_torch_thread(), torch.no_grad():
-        activity = network.hemispheres(torch.from_numpy(observation).to(output))  # (n, T, U/2) each
+        activity = network.hemispheres(torch.from_numpy(observation).to(output), noise)  # (n, T, U/2) each
         added = [
             (weights[side] * (network.lesion.output_of != side) * h @ output.T).cpu().numpy()
             for side, h in zip(SIDES, activity, strict=True)

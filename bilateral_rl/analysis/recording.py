@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from bilateral_rl.analysis import recording_files
 from bilateral_rl.analysis.conditions import Conditions
@@ -203,10 +204,11 @@ def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) 
     )
     if evaluator.is_experiment:
         arrays |= _of_plan(evaluator.plan)
+    noise = evaluator.hidden_noise(network)
     if network.hidden_layers(torch.from_numpy(observation[:1, :1])):
-        arrays[HIDDEN.name] = hidden_activity(network, observation)
+        arrays[HIDDEN.name] = hidden_activity(network, observation, noise)
     if isinstance(network, BilateralNetwork):
-        arrays[CONTRIBUTION.name] = np.stack(contributions(network, observation), axis=2)
+        arrays[CONTRIBUTION.name] = np.stack(contributions(network, observation, noise), axis=2)
     return {field.name: arrays[field.name] for field in fields if field.name in arrays}
 
 
@@ -217,13 +219,14 @@ def _of_plan(plan: TrialPlan) -> dict[str, Float32]:
     return arrays | {"target_angle": plan.target_angle}
 
 
-def hidden_activity(network: MotorNetwork, observation: Float32) -> Float32:
+def hidden_activity(network: MotorNetwork, observation: Float32, noise: Tensor | None = None) -> Float32:
     """Return the hidden activity on observations (n, T, 16), with the present lesion.
 
-    It is (n, T, L, 2, U/2), or (n, T, L, U) of a network without sides.
+    With noise (n, T, layers · sides, width), that is in it. It is (n, T, L, 2, U/2), or (n, T, L, U) of a network
+    without sides.
     """
     with one_torch_thread(), torch.no_grad():
-        layers = network.hidden_layers(torch.from_numpy(observation))
+        layers = network.hidden_layers(torch.from_numpy(observation), noise)
         stacked = torch.stack([torch.stack(sides, dim=-2) for sides in layers], dim=2)
     activity: Float32 = stacked.numpy()
     return activity if isinstance(network, BilateralNetwork) else activity[:, :, :, 0]

@@ -12,6 +12,7 @@ import pandas as pd
 import torch
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
+from torch import Tensor
 
 from bilateral_rl.analysis import kinematics
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
@@ -25,7 +26,7 @@ from bilateral_rl.envs.tasks import TaskLike, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
-from bilateral_rl.policies import MotorPolicy
+from bilateral_rl.policies import MotorNetwork, MotorPolicy
 
 Float32 = NDArray[np.float32]
 
@@ -176,6 +177,16 @@ class Evaluator:
         if FIELD_FORCE in fields:
             arrays[FIELD_FORCE.name] = self._field_force(arrays)
         return arrays
+
+    def hidden_noise(self, network: MotorNetwork) -> Tensor | None:
+        """Return the noise of the network's hidden units in every step of its trials, (n, T, layers · sides, width).
+
+        None for a network without noise.
+        """
+        steps = range(self._batch.settings.trial_length)
+        with network.noise.of_trials(self._seeds):
+            noise = [one for one in (network.noise.draw(self._batch.n) for _ in steps) if one is not None]
+        return torch.stack(noise, dim=1) if noise else None
 
     @property
     def has_forces(self) -> bool:

@@ -29,8 +29,8 @@ SETTINGS = {"trial": {"trial_length": 12}}
 def make(request):
     """Builder of recordings of random networks."""
 
-    def make(model="cc_s", task="hold_position", lesion="intact", trials=5, seed=3, seeds=(0,), **settings):
-        config = resolve(None, task, [SETTINGS], model=model)
+    def make(model="cc_s", task="hold_position", lesion="intact", trials=5, seed=3, seeds=(0,), noise=0, **settings):
+        config = resolve(None, task, [SETTINGS | {"network": {"hidden_noise": noise}}], model=model)
         policies = {}
         for number in seeds:
             torch.manual_seed(number)
@@ -111,6 +111,20 @@ def test_the_second_layer_has_its_own_activity_and_what_the_callosum_brings(make
     layer = network.dominant[1]
     expected = np.tanh(layer.weight.detach().numpy() @ own + layer.bias.detach().numpy())
     np.testing.assert_allclose(recording["hidden"][0, 7, 1, 0], expected, atol=1e-5)
+
+
+def test_noise_of_hidden_units_is_recorded_and_the_same_in_every_recording(make):
+    recording, policies, _ = make(noise=0.2)
+    again, alone = make(noise=0.2)[0], make(noise=0.2, trials=1, seed=5)[0]
+    for name, values in recording.arrays.items():
+        np.testing.assert_array_equal(values, again[name], err_msg=name)
+    np.testing.assert_allclose(
+        recording["hidden"][2:3], alone["hidden"], atol=1e-5
+    )  # trial 2 of seed 3 is trial 0 of 5
+    bias = policies[0].motor_network.output.bias.detach().numpy()
+    excitation = 1 / (1 + np.exp(-(recording["contribution"].sum(axis=2) + bias)))
+    np.testing.assert_allclose(recording["excitation"], excitation, atol=1e-5)
+    assert not np.allclose(make()[0]["hidden"], recording["hidden"], atol=0.05)
 
 
 def test_a_network_without_sides_has_layers_of_all_its_units_and_no_contributions(make):
