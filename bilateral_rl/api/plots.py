@@ -179,7 +179,7 @@ def plot_blocks(blocks: pd.DataFrame, ax: Axes | None = None, *, measure: str = 
     A line is the mean over the seeds, a band its 95 % interval.
 
     Args:
-        blocks: the table in the ``blocks.csv`` of a run.
+        blocks: from :meth:`Run.blocks`.
         ax: where to draw; None for a new figure.
         measure: a column of the table, such as "final_error" or "channel_compensation".
 
@@ -187,7 +187,7 @@ def plot_blocks(blocks: pd.DataFrame, ax: Axes | None = None, *, measure: str = 
         UserError: no such table, or no such column.
     """
     if not isinstance(blocks, pd.DataFrame) or not {"seed", "block", "condition"} <= {*blocks.columns} or blocks.empty:
-        raise UserError("--blocks must be a table of blocks, as the blocks.csv of a run holds it.")
+        raise UserError("--blocks must be a table of blocks, as `run.blocks()` returns it.")
     known = [name for name in MEASURES if name in blocks and blocks[name].notna().any()]
     if measure not in known:
         raise UserError(f"The table has no {measure} by block; choose a measure from {', '.join(known)}.")

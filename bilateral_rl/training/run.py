@@ -18,6 +18,7 @@ from bilateral_rl.io.files import removed_if_it_fails
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.runs.folder import IMPORTED, RunFolder
 from bilateral_rl.runs.policies import initial_states
+from bilateral_rl.training.adaptation_figure import draw_adaptation
 from bilateral_rl.training.learner import Learner
 from bilateral_rl.training.progress import UNWATCHED, Outcome, Progress
 from bilateral_rl.training.rl import RLLearner
@@ -87,7 +88,7 @@ def run(prepared: Prepared, out: Path, progress: Progress = UNWATCHED, at_once: 
     with folder.locked(), explaining_write_failures(folder):
         session = Session(folder, config, _make_learner(config, folder, at_once=at_once), progress)
         session.restore()
-        return session.go()
+        return _go(session)
 
 
 def _begin(folder: RunFolder, prepared: Prepared, progress: Progress, at_once: int | None = None) -> Outcome:
@@ -95,7 +96,13 @@ def _begin(folder: RunFolder, prepared: Prepared, progress: Progress, at_once: i
     with folder.locked(), explaining_write_failures(folder):
         with removed_if_it_fails(folder.path):
             learner = _make_learner(config, folder, prepared.initial, at_once)
-        return Session(folder, config, learner, progress).go()
+        return _go(Session(folder, config, learner, progress))
+
+
+def _go(session: Session) -> Outcome:
+    outcome = session.go()
+    draw_adaptation(outcome.folder)
+    return outcome
 
 
 def train(config: TrainConfig, out: Path, progress: Progress = UNWATCHED, at_once: int | None = None) -> Outcome:

@@ -36,6 +36,7 @@ SECTIONS = {
     "trial.losses.non_dominant": "Weights of the non-dominant loss",
     "trial.arm": "The arm",
     "evaluation": "Evaluations along the way",
+    "blocks": "Blocks of an adaptation",
     **NAMES,
 }
 UNITS = (

@@ -17,7 +17,8 @@ from bilateral_rl.envs.experiment_task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies
-from bilateral_rl.training import evaluation
+from bilateral_rl.training import evaluation, run
+from bilateral_rl.training.adaptation_figure import draw_adaptation
 from bilateral_rl.training.moments import trained_moments
 from bilateral_rl.training.run import resume, train
 from bilateral_rl.training.side_by_side import SideBySideLearner
@@ -31,6 +32,7 @@ EVERY = {"ppo": 160, "a2c": 160, "sac": 160, "td3": 160}
 @pytest.fixture(autouse=True)
 def no_rl_pictures(monkeypatch):
     monkeypatch.setattr(evaluation, "hand_paths", lambda *_: None)
+    monkeypatch.setattr(run, "draw_adaptation", lambda *_: None)
 
 
 @pytest.fixture
@@ -191,6 +193,19 @@ def test_a_hold_in_a_field_has_no_channel(small_bptt, tmp_path):
     config = resolve("bptt", None, [{"bptt": {"trials": 8, "batch_size": 4, "validation_trials": 2}} | values])
     folder = train(config, tmp_path).folder
     assert {row["condition"] for row in table(folder)} == {"field", "null_field"}
+
+
+def test_blocks_are_drawn_into_the_folder_of_the_run_or_a_warning_says_why_not(adapting, tmp_path):
+    folder = train(adapting(epochs=1), tmp_path).folder
+    draw_adaptation(folder)
+    assert {path.suffix for path in folder.path.glob("adaptation.*")} == {".png", ".pdf"}
+    (folder.path / BLOCKS).write_text("damaged")
+    with pytest.warns(UserWarning, match="damaged|no such table"):
+        draw_adaptation(folder)
+    for path in (folder.path / BLOCKS, *folder.path.glob("adaptation.*")):
+        path.unlink()
+    draw_adaptation(folder)
+    assert not [*folder.path.glob("adaptation.*")]
 
 
 def test_damaged_tables_are_refused(adapting, tmp_path):
