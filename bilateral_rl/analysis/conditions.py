@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from bilateral_rl.config.bounds import check_fit, check_trial
+from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import flat, merge, plain_values
 from bilateral_rl.config.resolve import from_values
 from bilateral_rl.config.schema import TrainConfig
@@ -59,6 +60,7 @@ def conditions(
     Raises:
         UserError: an unknown task, a setting that does not exist or is out of bounds, or one that changes nothing here.
     """
+    allow_code([task])
     settings = settings or {}
     for name, _ in flat(settings):
         if name.split(".")[0] not in ("trial", "experiment"):

@@ -9,6 +9,7 @@ from typing import Any
 from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.recording import Recording, record
 from bilateral_rl.config.parse import flat, plain
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, Lesion
@@ -45,7 +46,7 @@ class Recorder:
         trials: int,
         seed: int = TEST_SEED,
         lesions: Sequence[str] = (INTACT,),
-        task: str | None = None,
+        task: TaskWords | None = None,
         settings: Mapping[str, Any] | None = None,
         weights: str = FINAL,
     ) -> Recorder:

@@ -21,6 +21,7 @@ from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.checks import Names, check_tests, names
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
+from bilateral_rl.config.code_tasks import confirm_code
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.tasks import Task
 from bilateral_rl.io.errors import UserError
@@ -114,6 +115,7 @@ def compare(
     retrain: Names = None,
     trials: int = TEST_TRIALS,
     seed: int = TEST_SEED,
+    task: str | None = None,
 ) -> Comparison:
     """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes.
 
@@ -126,6 +128,7 @@ def compare(
         retrain: what followed the lesions (of one run), as "everything", one or several; None for all that was tested.
         trials: number of trials of each test (of models).
         seed: seed of the first trial (of models).
+        task: of runs that learned a class of yours, that class, as "module:Class", whose code is then run.
 
     Raises:
         UserError: runs that cannot be compared, or lesions that are missing or of other weights.
@@ -139,6 +142,7 @@ def compare(
     if len(chosen) < len(runs):
         raise UserError("Lesions are compared within one run: give one table, or the runs themselves.")
     configs = [run.config for run in chosen]
+    confirm_code(configs[0].task, task, chosen[0])
     tasks = {config.task for config in configs}
     if len(tasks) > 1:
         raise UserError(f"Runs of different tasks cannot be compared: {', '.join(sorted(tasks))}.")

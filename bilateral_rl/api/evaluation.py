@@ -14,6 +14,7 @@ from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
 from bilateral_rl.api.checks import check_tests, flag
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import FINAL
 from bilateral_rl.runs.lesions import lesion_of
@@ -62,7 +63,7 @@ def evaluate(
     seed: int,
     *,
     lesion: str = INTACT,
-    task: str | None = None,
+    task: TaskWords | None = None,
     settings: Mapping[str, Any] | None = None,
     deterministic: bool = True,
     weights: str = FINAL,

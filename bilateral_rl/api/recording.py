@@ -12,11 +12,12 @@ from bilateral_rl.api.checks import Names, check_tests, names
 from bilateral_rl.api.progress import ProgressLike, bar
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.parse import Values
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.policies.lesions import INTACT
 
 
 def recorder_of(
-    run: Run, trials: int, seed: int, lesions: Names, task: str | None, settings: Values, weights: str
+    run: Run, trials: int, seed: int, lesions: Names, task: TaskWords | None, settings: Values, weights: str
 ) -> Recorder:
     """Return what records trials of a run (:meth:`Run.record`). Raises UserError for what cannot be recorded so."""
     trials, seed = check_tests(trials, seed)
@@ -38,7 +39,7 @@ def record_to(
     trials: int,
     seed: int,
     lesions: Names,
-    task: str | None,
+    task: TaskWords | None,
     settings: Values,
     weights: str,
     progress: ProgressLike,

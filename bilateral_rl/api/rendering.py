@@ -15,6 +15,7 @@ from bilateral_rl.api.progress import ProgressLike, bar
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.catalogue import check_choice
+from bilateral_rl.config.code_tasks import confirm_code
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS
 from bilateral_rl.runs.folder import FINAL
@@ -51,6 +52,7 @@ def render(
     weights: str = FINAL,
     slow_down: int = 4,
     size: int = 480,
+    task: str | None = None,
     progress: ProgressLike = True,
 ) -> Path:
     """Make a video of trained models that do the same trials side by side, muscles colored by activation.
@@ -67,6 +69,7 @@ def render(
         weights: "final", "best" or "step_…": which of the runs' weights.
         slow_down: seconds of video for a second of the arm's.
         size: side of each network's picture (pixels, even).
+        task: of runs that learned a class of yours, that class, as "module:Class", whose code is then run.
         progress: whether a bar shows how it comes along, or the rich console where it does.
 
     Returns:
@@ -75,7 +78,7 @@ def render(
     Raises:
         UserError: runs that cannot be shown, or not together, or a file that cannot be written; none is left then.
     """
-    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, progress)
+    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, task, progress)
     tell(video.notes)
     return video.path
 
@@ -89,12 +92,14 @@ def make_video(
     weights: str,
     slow_down: int,
     size: int,
+    task: str | None,
     progress: ProgressLike,
 ) -> Video:
     """Make a video (:func:`render`). Raises UserError for one that cannot be."""
     trials, seed = check_tests(trials, seed)
     _check_arguments(runs, lesion, size := whole("--size", size))
     actors = [Actor.load(find_run(run).name, weights) for run in runs]
+    confirm_code(actors[0].config.task, task, actors[0].folder.path)
     for actor in actors:
         actor.check_lesion(lesion)
     settings, notes = common_trials(actors)

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from bilateral_rl.api.checks import Names, as_path, settings_by_name, whole
 from bilateral_rl.api.notes import tell
 from bilateral_rl.api.wording import in_python
+from bilateral_rl.config.code_tasks import confirm_code
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.text import seed_range
 from bilateral_rl.policies import MotorPolicy
@@ -116,7 +118,7 @@ class Run:
         *,
         seed: int = TEST_SEED,
         lesion: str = INTACT,
-        task: str | None = None,
+        task: TaskWords | None = None,
         settings: Mapping[str, Any] | None = None,
         deterministic: bool = True,
         weights: str = FINAL,
@@ -128,7 +130,7 @@ class Run:
             trials: number of trials of each network.
             seed: seed of the first trial.
             lesion: "intact", or the name of a lesion that the model can have.
-            task: another task than the run's, "random_reach" or "hold_position".
+            task: another task than the run's, an experiment or its file; or the run's own class, as "module:Class".
             settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
             deterministic: whether policies act by the mean of their actions, without exploration.
             weights: "final", "best" or "step_…": which of the run's weights.
@@ -169,7 +171,7 @@ class Run:
         *,
         seed: int = TEST_SEED,
         lesion: Names = INTACT,
-        task: str | None = None,
+        task: TaskWords | None = None,
         settings: Mapping[str, Any] | None = None,
         weights: str = FINAL,
         progress: ProgressLike = True,
@@ -184,7 +186,7 @@ class Run:
             trials: number of trials of each network with each lesion.
             seed: seed of the first trial.
             lesion: "intact", or the name of a lesion, or several, each of which every network has in turn.
-            task: another task than the run's, "random_reach" or "hold_position".
+            task: another task than the run's, an experiment or its file; or the run's own class, as "module:Class".
             settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
             weights: "final", "best" or "step_…": which of the run's weights.
             progress: whether a bar shows how it comes along, or the rich console where it does.
@@ -208,7 +210,7 @@ class Run:
         *,
         seed: int = TEST_SEED,
         lesion: Names = INTACT,
-        task: str | None = None,
+        task: TaskWords | None = None,
         settings: Mapping[str, Any] | None = None,
         weights: str = FINAL,
         progress: ProgressLike = True,
@@ -220,7 +222,7 @@ class Run:
             trials: number of trials of each network with each lesion.
             seed: seed of the first trial.
             lesion: "intact", or the name of a lesion, or several, each of which every network has in turn.
-            task: another task than the run's, "random_reach" or "hold_position".
+            task: another task than the run's, an experiment or its file; or the run's own class, as "module:Class".
             settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
             weights: "final", "best" or "step_…": which of the run's weights.
             progress: whether a bar shows how it comes along, or the rich console where it does.
@@ -255,6 +257,7 @@ class Run:
         trials: int = TEST_TRIALS,
         seed: int = TEST_SEED,
         weights: str = FINAL,
+        task: str | None = None,
         out: str | Path | None = None,
         progress: ProgressLike = True,
     ) -> pd.DataFrame:
@@ -276,6 +279,7 @@ class Run:
             trials: number of trials of each test.
             seed: seed of the first trial.
             weights: "final", "best" or "step_…": which of the run's weights.
+            task: of a run that learned a class of yours, that class, as "module:Class", whose code is then run.
             out: folder for the table, figures and tensorboard, such as :attr:`lesions_folder`; None for none.
             progress: whether a bar shows how it comes along, or the rich console where it does.
 
@@ -291,6 +295,7 @@ class Run:
         from bilateral_rl.api.lesioning import lesion
         from bilateral_rl.api.protocols import chosen_protocols
 
+        confirm_code(self.config.task, task, self)
         adapting = {
             "epochs": retrain_epochs, "learning_rate": retrain_learning_rate, "optimizer": retrain_optimizer,
             "trials": retrain_trials, "penalty": retrain_penalty, "penalty_coefficient": retrain_penalty_coefficient,
@@ -308,6 +313,7 @@ class Run:
         trials: int = TEST_TRIALS,
         seed: int = TEST_SEED,
         weights: str = FINAL,
+        task: str | None = None,
     ) -> Run:
         """Write the networks as a folder to publish: weights, settings, how they learned, and a model card; no pickles.
 
@@ -318,6 +324,7 @@ class Run:
             trials: number of trials of each network, from which the model card has its measures.
             seed: seed of the first trial.
             weights: "final", "best" or "step_…": which of the run's weights.
+            task: of a run that learned a class of yours, that class, as "module:Class", whose code is then run.
 
         Returns:
             The run that the folder is.
@@ -327,6 +334,7 @@ class Run:
         """
         from bilateral_rl.api.exporting import export
 
+        confirm_code(self.config.task, task, self)
         return export(self, out, trials=trials, seed=seed, weights=weights)
 
     @in_python
@@ -379,6 +387,7 @@ class Run:
         weights: str = FINAL,
         slow_down: int = 4,
         size: int = 480,
+        task: str | None = None,
         progress: ProgressLike = True,
     ) -> Path:
         """Make a video of the network, as :func:`render` does of several runs side by side.
@@ -391,6 +400,7 @@ class Run:
             weights: "final", "best" or "step_…": which of the run's weights.
             slow_down: seconds of video for a second of the arm's.
             size: side of the picture (pixels, even).
+            task: of a run that learned a class of yours, that class, as "module:Class", whose code is then run.
             progress: whether a bar shows how it comes along, or the rich console where it does.
 
         Returns:
@@ -401,7 +411,7 @@ class Run:
         """
         from bilateral_rl.api.rendering import make_video
 
-        video = make_video([self], out, trials, seed, lesion, weights, slow_down, size, progress)
+        video = make_video([self], out, trials, seed, lesion, weights, slow_down, size, task, progress)
         tell(video.notes)
         return video.path
 
@@ -413,6 +423,7 @@ class Run:
         *,
         device: str | None = None,
         track: bool | None = None,
+        task: str | None = None,
         progress: ProgressLike = True,
     ) -> Run:
         """Go on with the training where it was saved, to its end or to a later one.
@@ -424,6 +435,7 @@ class Run:
             epochs: largest number of epochs in all, likewise (of supervised training).
             device: "cpu", "cuda" or "cuda:N"; None for the one before.
             track: whether Weights & Biases follows it; None for no.
+            task: of a run that learned a class of yours, that class, as "module:Class", whose code is then run.
             progress: whether a bar shows how it comes along, or the rich console where it does.
 
         Returns:
@@ -435,7 +447,7 @@ class Run:
         """
         from bilateral_rl.api.training import concluded, go_on
 
-        requested = {"timesteps": timesteps, "epochs": epochs, "device": device, "track": track}
+        requested = {"timesteps": timesteps, "epochs": epochs, "device": device, "track": track, "task": task}
         outcome = go_on(self, requested, progress)
         tell(outcome.notes)
         return concluded(outcome)

@@ -16,6 +16,7 @@ from bilateral_rl.api.jobs import notes_on, run_jobs
 from bilateral_rl.api.notes import tell
 from bilateral_rl.api.progress import ProgressLike
 from bilateral_rl.api.wording import in_python
+from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.seeds import parse_seeds
 from bilateral_rl.io.errors import UserError
@@ -129,6 +130,7 @@ def run_sweep(
         Stopped: somebody interrupted it.
     """
     trials, _ = check_tests(trials)
+    allow_code([*grid.get("task", ()), settings.get("task")])
     study = Sweep(algo, grid, settings | _seed_settings(seeds, {*grid, *settings}), trials)
     n_jobs = None if n_jobs is None else whole("--jobs", n_jobs, least=1)
     at_once, threads = side_by_side(n_jobs, len(study.points()), algo)

@@ -14,10 +14,12 @@ from bilateral_rl.api.notes import tell
 from bilateral_rl.api.progress import ProgressLike, TrainingProgress, console_of
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
+from bilateral_rl.config.code_tasks import allow_code, confirm_code
 from bilateral_rl.config.parse import Values, nested
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.config.seeds import parse_seeds
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.io.errors import Stopped, UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.training import run as training
@@ -33,7 +35,7 @@ _SIZES = ("model", "network.units", "network.layers")
 def train(
     algo: str | None = None,
     model: str | None = None,
-    task: str | None = None,
+    task: TaskWords | None = None,
     *,
     timesteps: int | None = None,
     epochs: int | None = None,
@@ -60,7 +62,8 @@ def train(
     Args:
         algo: "ppo" (the default), "a2c", "sac", "td3", or "bptt" (supervised, as in the paper).
         model: "uni_b", "uni_dl", "uni_ndl", "bi_ns", "bi_s", "cc_ns" or "cc_s" (the default).
-        task: "random_reach" (the default) or "hold_position".
+        task: "random_reach" (the default), "hold_position", the name or YAML file of an experiment, an
+            :class:`~bilateral_rl.envs.Experiment`, or a class of yours as "module:Class".
         timesteps: environment steps, over all arms (not bptt).
         epochs: largest number of epochs (bptt).
         seeds: networks to train: how many, of seeds ``seed`` and up; or which, as ``range(100, 130)``.
@@ -100,7 +103,7 @@ def train(
 def start(
     algo: str | None,
     model: str | None,
-    task: str | None,
+    task: TaskWords | None,
     seeds: str | None,
     chosen: Mapping[str, Any],
     layers: list[Values],
@@ -115,13 +118,14 @@ def start(
         task: the task.
         seeds: as ``--seeds`` takes them.
         chosen: settings that have arguments of their own, by name; None where nothing was said.
-        layers: nested dictionaries of settings below those; later ones win.
+        layers: nested dictionaries of settings below those; later ones win, and the last is the user's own.
         out: folder of all runs.
         progress: whether, or where, to show how it comes along.
 
     Raises:
         UserError: a training that cannot be.
     """
+    allow_code([task, *(layer.get("task") for layer in layers[-1:])])  # not those of a file, which may be a stranger's
     named = {name: value for name, value in chosen.items() if value is not None}
     if seeds is not None:
         named |= parse_seeds(seeds, "--seed" if "seed" in named else "").settings
@@ -140,8 +144,11 @@ def go_on(run: Run | str | Path, requested: Mapping[str, Any], progress: Progres
     Raises:
         UserError: a training that cannot go on, or not so.
     """
+    requested = dict(requested)
+    task = requested.pop("task", None)
     _refuse_but(_RESUMED, requested, run)
     run = find_run(run)
+    confirm_code(run.config.task, task, run)
     if run.only is not None:
         raise UserError(f"--resume goes on with the whole run: give it {run.path}, without :{run.only}.")
     values = run.config.to_values()

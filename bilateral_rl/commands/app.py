@@ -33,7 +33,14 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Any setting of a run's config.yaml, such as ppo.gamma=0.9."),
 ]
-TestTask = Annotated[str | None, typer.Option("--task", help="Test on this task instead.", show_default="the run's")]
+TestTask = Annotated[
+    str | None,
+    typer.Option("--task", help="Test on this task, experiment, FILE.yaml or module:Class.", show_default="the run's"),
+]
+CodeTask = Annotated[
+    str | None,
+    typer.Option("--task", metavar="module:Class", help="Run the code of this class, which the run learned."),
+]
 TestSettings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Another setting of trials, such as trial.sensory_noise=0.01."),
@@ -71,7 +78,12 @@ def train(
         str | None, typer.Option(help="uni_b, uni_dl, uni_ndl, bi_ns, bi_s, cc_ns or cc_s.", show_default="cc_s")
     ] = None,
     task: Annotated[
-        str | None, typer.Option(help="random_reach or hold_position.", show_default="random_reach")
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.yaml|module:Class",
+            help="random_reach, hold_position, an experiment (see list), its file, or a class of yours.",
+            show_default="random_reach",
+        ),
     ] = None,
     timesteps: Annotated[
         int | None, typer.Option(help="Environment steps, over all arms (not bptt).", show_default="16000000 by ppo")
@@ -247,6 +259,7 @@ def lesion(
     trials: Trials = TEST_TRIALS,
     seed: TestSeed = TEST_SEED,
     weights: Weights = "final",
+    task: CodeTask = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="RUN-lesions")] = None,
 ) -> None:
     """Lesion a trained model in every way it can be, let it adapt, and test it beside a fresh one treated alike."""
@@ -267,6 +280,7 @@ def lesion(
         trials=trials,
         seed=seed,
         weights=weights,
+        task=task,
         out=out,
         console=console,
     )
@@ -289,13 +303,14 @@ def compare(
     ] = None,
     trials: Annotated[int, typer.Option(help="Trials of each test (of models).")] = TEST_TRIALS,
     seed: Annotated[int, typer.Option(help="Seed of the trials (of models).")] = TEST_SEED,
+    task: CodeTask = None,
     csv: Annotated[Path | None, typer.Option(help="Write one row a pair here; - is the terminal.")] = None,
 ) -> None:
     """Compare trained models, or the lesions of one: analysis of variance, pairwise tests, effect sizes."""
     from bilateral_rl.commands import compare as command
 
     command.compare_runs(
-        runs=runs, metrics=metrics, protocols=retrain, trials=trials, seed=seed, csv=csv, console=console
+        runs=runs, metrics=metrics, protocols=retrain, trials=trials, seed=seed, task=task, csv=csv, console=console
     )
 
 
@@ -309,6 +324,7 @@ def render(
     weights: Weights = "final",
     slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
     size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
+    task: CodeTask = None,
 ) -> None:
     """Make a video of trained models doing the same trials, muscles colored by activation."""
     from bilateral_rl.commands import render as command
@@ -322,6 +338,7 @@ def render(
         weights=weights,
         slow_down=slow_down,
         size=size,
+        task=task,
         console=console,
     )
 
@@ -451,7 +468,13 @@ def import_(
     model: Annotated[
         Path, typer.Argument(metavar="MODEL.zip", help="Saved by stable-baselines3, with a policy of bilateral_rl.")
     ],
-    task: Annotated[str, typer.Option(help="What it was trained for: random_reach or hold_position.")],
+    task: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE.yaml|module:Class",
+            help="What it was trained for, such as random_reach or hold_position.",
+        ),
+    ],
     trust_pickle: Annotated[
         bool, typer.Option("--trust-pickle", help="Load it although that executes whatever its author wants.")
     ] = False,
@@ -490,11 +513,12 @@ def export(
     trials: Trials = TEST_TRIALS,
     seed: TestSeed = TEST_SEED,
     weights: Weights = "final",
+    task: CodeTask = None,
 ) -> None:
     """Write a run as a folder to publish: weights, settings and a model card with measures; no pickles."""
     from bilateral_rl.commands import export as command
 
-    command.export(run=run, out=out, trials=trials, seed=seed, weights=weights, console=console)
+    command.export(run=run, out=out, trials=trials, seed=seed, weights=weights, task=task, console=console)
 
 
 @app.command("list")

@@ -20,6 +20,7 @@ def compare_runs(
     protocols: Sequence[str] | None,
     trials: int,
     seed: int,
+    task: str | None,
     csv: Path | None,
     console: Console,
 ) -> None:
@@ -31,6 +32,7 @@ def compare_runs(
         protocols: names of what followed the lesions of one run; None for all that there are.
         trials: number of trials of each test of a model.
         seed: seed of the first trial.
+        task: the class that the runs learned, whose code may be run; None for nothing.
         csv: file for one row a pair; "-" for the terminal, None for no file.
         console: where to print.
 
@@ -39,7 +41,7 @@ def compare_runs(
             the comparison is printed all the same.
     """
     console = apart_from(console, csv)
-    comparison = compare(*runs, metrics=metrics, retrain=protocols, trials=trials, seed=seed)
+    comparison = compare(*runs, metrics=metrics, retrain=protocols, trials=trials, seed=seed, task=task)
     try:
         if csv is not None:
             pairs = comparison.pairs

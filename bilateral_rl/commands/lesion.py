@@ -14,6 +14,7 @@ from bilateral_rl.api import lesioning
 from bilateral_rl.api.protocols import chosen_protocols
 from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.lesion_tables import print_lesions
+from bilateral_rl.config.code_tasks import confirm_code
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.lesion_folder import RESULTS, lesion_metrics
 
@@ -30,6 +31,7 @@ def lesion(
     trials: int,
     seed: int,
     weights: str,
+    task: str | None,
     out: Path | None,
     console: Console,
 ) -> None:
@@ -46,6 +48,7 @@ def lesion(
         trials: number of trials of each test.
         seed: seed of the first trial.
         weights: which of the run's weights.
+        task: the class that the runs learned, whose code may be run; None for nothing.
         out: folder of the results; None for the one beside the run.
         console: where to print.
 
@@ -53,6 +56,7 @@ def lesion(
         UserError: what cannot be lesioned or written; nothing is left then.
     """
     chosen = find_run(run)
+    confirm_code(chosen.config.task, task, run)
     folder = out or chosen.lesions_folder
 
     def show(made: lesioning.Lesions) -> None:

@@ -22,6 +22,7 @@ def render(
     weights: str,
     slow_down: int,
     size: int,
+    task: str | None,
     console: Console,
 ) -> Path:
     """Write a video of networks that do the same trials, those that ``evaluate`` tests with the same seed.
@@ -36,6 +37,7 @@ def render(
         weights: which of each run's weights.
         slow_down: seconds of video for a second of the arm's time.
         size: side of each network's picture (pixels, even).
+        task: the class that the runs learned, whose code may be run; None for nothing.
         console: where to print.
 
     Returns:
@@ -44,7 +46,7 @@ def render(
     Raises:
         UserError: runs that cannot be shown, or not together, or a file that cannot be written; none is left then.
     """
-    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, console)
+    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, task, console)
     for note in video.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     quoted = escape(shlex.quote(str(video.path)))

@@ -28,9 +28,22 @@ def is_code(task: str) -> bool:
     return _WORDS.fullmatch(task) is not None
 
 
-def allow_code(tasks: Iterable[str | None]) -> None:
+def allow_code(tasks: Iterable[object]) -> None:
     """Let this process import the classes among ``tasks``, which the user has named himself; other words do nothing."""
     _NAMED.update(task for task in tasks if isinstance(task, str) and is_code(task))
+
+
+def confirm_code(learned: str, task: object, run: object) -> None:
+    """Let this process import the class that a run learned, if ``task`` names it; None says nothing.
+
+    Raises:
+        UserError: it names something else.
+    """
+    if task is None:
+        return
+    if task != learned or not isinstance(task, str):
+        raise UserError(f"{run} learned {learned}, and --task {task} names something else: leave it out.")
+    allow_code([task])
 
 
 def is_allowed(task: str) -> bool:

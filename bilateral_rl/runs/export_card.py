@@ -97,7 +97,7 @@ def _text(config: TrainConfig, measures: Sequence[Measured], tests: str) -> str:
     rows = [f"| {measure.label} | {_in_words(measure)} |" for measure in measures]
     learning = "epochs.csv" if config.algo == "bptt" else "evaluations.csv"
     policy = f"run.policy(seed={seeds[0]})" if several else "run.policy()"
-    task = f'"{config.task}"' if config.experiment is None else "run.config.experiment"
+    task, imported = _task_argument(config)
     arguments = ", ".join(["8", task, "seed=0", *_trial_arguments(config)])
     return f"""# {_name(config)}
 
@@ -117,7 +117,7 @@ With this folder at hand, and the toolkit bilateral-rl installed:
 
 ```python
 import bilateral_rl as brl
-
+{imported}
 run = brl.load("FOLDER")  # where this page lies
 policy = {policy}  # of stable-baselines3
 env = brl.envs.ArmVecEnv({arguments})
@@ -135,6 +135,14 @@ The same folder goes into every command in place of a run: `bilateral-rl evaluat
 | `status.json` | how far the training came, and which run and weights these are |
 | `versions.json` | versions of the packages that trained it, and the machine |
 """
+
+
+def _task_argument(config: TrainConfig) -> tuple[str, str]:
+    """Return the task as an argument of an environment, and a line that imports it, empty if there is none."""
+    if config.experiment is not None:
+        return "run.config.experiment", ""
+    module, _, name = config.task.partition(":")
+    return (f"{name}()", f"from {module} import {name}\n") if name else (f'"{config.task}"', "")
 
 
 def _environment(config: TrainConfig) -> str:

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.settings import TrialSettings
+from bilateral_rl.envs.tasks import TaskLike
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy, BilateralTD3Policy
@@ -77,7 +78,7 @@ class Statistics:
             input_mean[:n] = mean + std * input_mean[:n].double()
             input_std[:n] = std * input_std[:n].double()
 
-    def clipped_share(self, policy: MotorPolicy, task: str, settings: TrialSettings) -> float:
+    def clipped_share(self, policy: MotorPolicy, task: TaskLike, settings: TrialSettings) -> float:
         """Return in which share of the steps of trials normalization would have clipped an observation.
 
         In those the folded ``policy`` does not act as the model did.

@@ -19,6 +19,7 @@ from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import CONFIGS, RLConfig, TrainConfig
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
@@ -84,7 +85,7 @@ class SavedModel:
             raise UserError(f"The weights of {self.path} are not finite numbers in {', '.join(broken)}.")
         return policy
 
-    def config(self, task: str, overrides: Mapping[str, Any]) -> TrainConfig:
+    def config(self, task: TaskWords, overrides: Mapping[str, Any]) -> TrainConfig:
         """Build the configuration of a run with this policy, as far as the model tells, with ``overrides`` over it.
 
         Raises:
@@ -161,7 +162,7 @@ class SavedModel:
 
 
 def import_model(
-    path: Path, task: str, overrides: Mapping[str, Any], out: Path, vec_normalize: Path | None = None
+    path: Path, task: TaskWords, overrides: Mapping[str, Any], out: Path, vec_normalize: Path | None = None
 ) -> RunFolder:
     """Make a run below ``out`` of the model that stable-baselines3 saved as ``path``; loading it executes code.
 
@@ -197,7 +198,7 @@ def import_model(
         statistics.fold_into(policy)
         origin |= {
             "vec_normalize": vec_normalize.name,
-            "clipped_observations": statistics.clipped_share(policy, task, config.trial),
+            "clipped_observations": statistics.clipped_share(policy, config.make_task(), config.trial),
         }
     folder = RunFolder.create(out, config)
     folder.save_weights(FINAL, dict(policy.state_dict()) if vec_normalize else model.weights)

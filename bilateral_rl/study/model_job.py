@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import Values, build, plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import RLConfig, TrainConfig
@@ -36,6 +37,7 @@ def train_and_measure(
     tables: Sequence[Mapping[str, Any]],
     runs: str,
     known_runs: str | None = None,
+    code: Sequence[str] = (),
 ) -> None:
     """Train, unless that is done, and write tables of results (:mod:`bilateral_rl.analysis.results`).
 
@@ -47,11 +49,13 @@ def train_and_measure(
             of :class:`~bilateral_rl.study.lesioning.LesionSettings`. What a table is of is written beside it.
         runs: the folder in ``folder`` that takes the run.
         known_runs: the folder in ``folder`` below which a run of the same settings is taken instead; None for ``runs``.
+        code: classes of tasks that the user has named to whoever began the study, so that the job may import them.
 
     Raises:
         UserError: a training that failed.
         KeyboardInterrupt: somebody stopped the training; it is saved.
     """
+    allow_code(code)
     resolved = resolve(None, None, [config])
     training_share = 1 / (1 + _TABLE_SHARE * len(tables))
     known = folder / (runs if known_runs is None else known_runs)

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from bilateral_rl.analysis.results import TREATMENT
+from bilateral_rl.config.code_tasks import is_allowed
 from bilateral_rl.config.parse import Values, merge, parse_overrides
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
@@ -85,6 +86,7 @@ class Sweep:
         }  # fmt: skip
         tables = [{"lesions": lesions, "result": result}]
         arguments = {"config": config.to_values(), "tables": tables, "runs": f"runs/{name}"}
+        arguments |= {"code": [config.task]} if is_allowed(config.task) else {}
         cost = cost_of(config) * len(config.all_seeds)
         return Job(name, TRAIN_AND_MEASURE, result, arguments, cost, threads)
 

@@ -15,9 +15,9 @@ from bilateral_rl.api.wording import argument
 ROOT = Path(__file__).parents[3]
 TESTS = "trials=1024, *, seed=2000000"
 CONDITIONS = "lesion='intact', task=None, settings=None"
-FILM = "trials=4, seed=2000000, lesion='intact', weights='final', slow_down=4, size=480, progress=True"
+FILM = "trials=4, seed=2000000, lesion='intact', weights='final', slow_down=4, size=480, task=None, progress=True"
 SIGNATURES = {
-    "compare": f"(*runs, metrics=None, retrain=None, {TESTS.replace(' *,', '')})",
+    "compare": f"(*runs, metrics=None, retrain=None, {TESTS.replace(' *,', '')}, task=None)",
     "import_model": "(model, task, *, trust_pickle=False, settings=None, vec_normalize=None, out='runs')",
     "list_runs": "(out='runs')",
     "load": "(run, seed=None)",
@@ -42,12 +42,12 @@ SIGNATURES = {
     "Run.evaluate": f"({TESTS}, {CONDITIONS}, deterministic=True, weights='final', by='seed')",
     "Run.lesion": "(lesions=None, retrain=None, *, retrain_epochs=None, retrain_learning_rate=None, "
     "retrain_optimizer=None, retrain_trials=None, retrain_penalty=None, retrain_penalty_coefficient=None, "
-    "control=True, profile=None, trials=1024, seed=2000000, weights='final', out=None, progress=True)",
-    "Run.export": "(out, *, trials=1024, seed=2000000, weights='final')",
+    "control=True, profile=None, trials=1024, seed=2000000, weights='final', task=None, out=None, progress=True)",
+    "Run.export": "(out, *, trials=1024, seed=2000000, weights='final', task=None)",
     "Run.record": f"({TESTS.replace('1024', '128')}, {CONDITIONS}, weights='final', progress=True)",
     "Run.record_to": f"(out, {TESTS.replace('1024', '128')}, {CONDITIONS}, weights='final', progress=True)",
     "Run.render": f"(out=None, *, {FILM})",
-    "Run.resume": "(timesteps=None, epochs=None, *, device=None, track=None, progress=True)",
+    "Run.resume": "(timesteps=None, epochs=None, *, device=None, track=None, task=None, progress=True)",
 }
 PROPERTIES = ["config", "folder", "lesions_folder", "name", "only", "path", "seeds", "status"]
 
