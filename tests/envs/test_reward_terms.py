@@ -5,13 +5,17 @@ import pytest
 
 from bilateral_rl.envs import ArmEnv, ArmParameters
 from bilateral_rl.envs.arm.physics import FORCE
-from bilateral_rl.envs.losses import FURTHER_TERMS, PAPER_TERMS
+from bilateral_rl.envs.losses import FURTHER_TERMS, PAPER_TERMS, LossSettings, SideLoss
 
 STEPS = 6
 
 
 def trial(losses, seed=0, task="hold_position"):
-    """Vector rewards (STEPS, 2) of a trial, and the six terms (STEPS, 6) of its steps, from the arm's state."""
+    """Vector rewards (STEPS, 2) of a trial, and the six terms (STEPS, 6) of its steps, from the arm's state.
+
+    A side has the weights that are given for it, and no others.
+    """
+    losses = {name: SideLoss(**value) if isinstance(value, dict) else value for name, value in losses.items()}
     env = ArmEnv(task, trial_length=STEPS, losses=losses)
     env.reset(seed=seed)
     batch, previous = env.batch, None
@@ -59,8 +63,15 @@ def test_last_steps_leave_error_and_speed_out_until_then():
 
 
 def test_a_command_changes_by_nothing_in_the_first_step_of_every_trial():
-    env = ArmEnv(trial_length=3, losses={"dominant": {"excitation_change": 1.0}})
+    env = ArmEnv(trial_length=3, losses={"dominant": SideLoss(excitation_change=1.0)})
     for _ in range(2):
         env.reset(seed=0)
         rewards = [env.step(np.full(6, value))[4]["vector_reward"][0] for value in (1.0, 1.0, -1.0)]
         np.testing.assert_allclose(rewards, [0, 0, -1])
+
+
+def test_weights_by_name_go_over_the_papers():
+    paper, changed = LossSettings(), LossSettings(dominant={"hand_speed": 0.5, "activation": 0})
+    assert changed.dominant == SideLoss(cartesian_2=5.0, hand_speed=0.5)
+    assert changed.non_dominant == paper.non_dominant
+    assert LossSettings(non_dominant={}) == paper
