@@ -31,7 +31,6 @@ SECTIONS = {
     "": "The training as a whole",
     "network": "The network",
     "trial": "Trials",
-    "blocks": "Blocks of an adaptation",
     "trial.losses": "Losses and rewards",
     "trial.losses.dominant": "Weights of the dominant loss",
     "trial.losses.non_dominant": "Weights of the non-dominant loss",
