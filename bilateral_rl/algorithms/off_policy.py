@@ -6,10 +6,11 @@ import contextlib
 import io
 import math
 import pathlib
+import warnings
 from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 import torch
@@ -174,6 +175,18 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
                 )
         self._scale_replay_buffer()  # which may have another scale since the last time
         return prepared
+
+    def learn(self, *args: Any, **kwargs: Any) -> Self:
+        """Learn as SB3 does; warns where the critics' warm-up has outlasted every update, and the network has none."""
+        before = self._n_updates
+        super().learn(*args, **kwargs)
+        if before < self._n_updates <= self.critic_warm_up:
+            warnings.warn(
+                f"only the critics have learned: critic_warm_up is {self.critic_warm_up:,}, of {self._n_updates:,} "
+                "updates so far; train for more steps, or give less of it.",
+                stacklevel=2,
+            )
+        return self
 
     @contextlib.contextmanager
     def _telling_divergence(self) -> Iterator[None]:

@@ -28,10 +28,10 @@ OF_THE_CLOCK = {"environment.elapsed", "episodes.info.t", "file.monitor.csv"}
 """In what resuming needs: how long it took, and how many digits that has."""
 
 
-def small_rl(algo, **values):
+def small_rl(algo, task=None, **values):
     """A training of a second; the replay buffer goes round, and noise is drawn."""
     noise = {"network": {"hidden_noise": 0.05}} if algo in _NOISY else {}
-    return resolve(algo, None, [merge(merge(_SMALL | {algo: _OF[algo]}, noise), values)])
+    return resolve(algo, task, [merge(merge(_SMALL | {algo: _OF[algo]}, noise), values)])
 
 
 def evaluations(folder):

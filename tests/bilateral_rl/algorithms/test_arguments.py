@@ -249,6 +249,20 @@ def test_a_penalty_that_no_loss_weighs_warns(algorithm):
             make(algorithm, **{"loss": "dominant"} | arguments)
 
 
+@pytest.mark.parametrize("algorithm", OFF_POLICY)
+def test_a_warm_up_that_outlasts_every_update_warns(algorithm):
+    model = make(algorithm, critic_warm_up=30)
+    before = weights(model)
+    with pytest.warns(UserWarning, match="only the critics have learned: critic_warm_up is 30, of 10 updates so far"):
+        model.learn(27)
+    network = [name for name in before if "actor.network" in name]
+    assert network
+    assert all(torch.equal(weights(model)[name], before[name]) for name in network)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.learn(150, reset_num_timesteps=False)
+
+
 # Attributes
 
 

@@ -9,9 +9,25 @@ from processes import is_saving, started, wait_until
 from rl_runs import ALGORITHMS, curves, differences, evaluations, small_rl
 from supervised_runs import Watch, with_values
 
+from bilateral_rl.envs.experiment import Experiment
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.run import resume, train
+
+EXPERIMENT = Experiment(
+    name="pushed_and_pulled",
+    start={"hand": [0.0, 0.4]},
+    target={"center_out": {"number": 4}},
+    timeline={"go": [2, 5], "no_go_share": 0.2, "jump": {"at": [3, 6], "offset": [[0.05, 0.0]], "share": 0.5}},
+    forces={
+        "curl": 10,
+        "elastic_field": {"stiffness": 20, "center": "start"},
+        "pulse": {"force": {"size": 3, "directions": 4}, "at": 2, "steps": 3, "share": 0.5},
+        "channel": {"share": 0.2},
+        "field_off_share": 0.2,
+    },
+)
+"""Everything that an experiment may have."""
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
@@ -28,6 +44,21 @@ def test_a_training_that_is_stopped_ends_with_the_bits_of_one_in_one_go(tmp_path
     assert outcome.stopped_by is None
     assert differences(outcome.folder, whole_run(algo)) == []
     assert outcome.folder.status() == whole_run(algo).status()
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac", "td3"])
+def test_an_experiment_with_cues_forces_and_senses_of_its_own_is_learned_and_goes_on_to_the_same_bits(tmp_path, algo):
+    senses = {"vision_noise": 0.01, "velocity_noise": 0.1, "vision_delay": 4, "proprioception_delay": 2}
+    losses = {"losses": {"dominant": {"hand_speed": 0.5}, "non_dominant": {"penalty": 1.0}, "last_steps": 15}}
+    config = small_rl(algo, EXPERIMENT, timesteps=800, trial=senses | losses, network={"hidden_noise": 0.05})
+    whole = train(config, tmp_path / "whole")
+    stopped = train(config, tmp_path, Watch(stop_at=400))
+    assert stopped.stopped_by == signal.SIGINT
+    resume(RunFolder(stopped.folder.path), config)
+    assert differences(stopped.folder, whole.folder) == []
+    on_the_way = sorted(name for name in whole.folder.weight_names() if name.startswith("step"))
+    early, late = (whole.folder.load_weights(name) for name in (on_the_way[-1], "final"))
+    assert all((early[name] != late[name]).any() for name in early if "dominant.0.weight" in name)
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
