@@ -8,7 +8,7 @@ import warp as wp
 from bilateral_rl.bptt.features import Features
 from bilateral_rl.bptt.network_adjoint import network_adjoint
 from bilateral_rl.bptt.network_kernels import NetworkShape, NetworkTypes, network_forward, network_types
-from bilateral_rl.bptt.rollout_structs import HAND, N_SENSED, RolloutStructs, rollout_structs
+from bilateral_rl.bptt.rollout_structs import HAND, RolloutStructs, rollout_structs
 from bilateral_rl.bptt.step_kernels import step_functions
 from bilateral_rl.envs.arm.adjoint import arm_adjoint
 from bilateral_rl.envs.arm.hand_force import hand_force
@@ -42,8 +42,11 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
     structs = rollout_structs(real, features.further_losses)
     Trials, Senses, Trajectories = structs.Trials, structs.Senses, structs.Trajectories
     UpstreamGradients, CarriedGradients = structs.UpstreamGradients, structs.CarriedGradients
-    vec_terms, vec_felt = structs.vec_terms, structs.vec_felt
-    at_rest, seen_target, steady_force, observe, all_terms = step_functions(real, network.vec_in, features)
+    vec_terms = structs.vec_terms
+    parts = step_functions(real, shape, features)
+    at_rest, seen_target, steady_force = parts.at_rest, parts.seen_target, parts.steady_force
+    observe, sensed_later, driven = parts.observe, parts.sensed_later, parts.driven
+    within, all_terms = parts.within, parts.all_terms
     excite = network_forward(real, shape, features.hidden_noise)
     excite_adjoint = network_adjoint(real, shape, features.hidden_noise)
     adjoint = arm_adjoint(real)
@@ -67,20 +70,6 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
     ) -> real:
         """Return the weighted sum of all six."""
         return wp.dot(weight, all_terms(error, velocity, excitation, change, relative_force, counts))
-
-    @wp.func
-    def driven(senses: Senses, k: int, excitation: vec6) -> vec6:
-        """Return what drives the muscles: the command, with noise where there is any."""
-        result = vec6(excitation)
-        if has_senses:
-            for m in range(N_MUSCLES):
-                result[m] = excitation[m] + senses.noise[k][N_SENSED + m]
-        return result
-
-    @wp.func
-    def within(t: int, counts_from: int) -> real:
-        """Return 1 in steps whose errors count, else 0."""
-        return wp.where(t >= counts_from, real(1.0), real(0.0))
 
     @wp.kernel(module="unique", enable_backward=False)
     def roll(
@@ -221,30 +210,8 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
                     gradients = pull_back(p, slopes, joint, muscle[FORCE], load, muscle_next, d_joint, d_muscle, d_hand)
                 d_excitation = gradients.excitation + d_command
                 d_observation = excite_adjoint(w, a, d, s, k, stream, trial, excitation, d_excitation)
-                d_felt = vec_felt()
-                for i in range(2 * N_MUSCLES):
-                    d_felt[i] = d_observation[i]
-                d_seen = vec2(d_observation[HAND], d_observation[HAND + 1])
                 if has_senses:
-                    # What is observed now was so a delay ago, and what is so now will be observed in a delay.
-                    observed = a.observation[k]
-                    for i in range(2 * N_MUSCLES):
-                        if observed[i] <= senses.low[i] or observed[i] >= senses.high[i]:
-                            d_felt[i] = real(0.0)
-                    for axis in range(2):
-                        i = HAND + axis
-                        if observed[i] <= senses.low[i] or observed[i] >= senses.high[i]:
-                            d_seen[axis] = real(0.0)
-                    felt_slots = senses.felt_delay + 1
-                    seen_slots = senses.seen_delay + 1
-                    c.felt[stream, trial, t % felt_slots] = d_felt
-                    c.seen[stream, trial, t % seen_slots] = d_seen
-                    d_felt = vec_felt()
-                    d_seen = vec2()
-                    if t + senses.felt_delay < n_steps:
-                        d_felt = c.felt[stream, trial, (t + senses.felt_delay) % felt_slots]
-                    if t + senses.seen_delay < n_steps:
-                        d_seen = c.seen[stream, trial, (t + senses.seen_delay) % seen_slots]
+                    d_observation = sensed_later(senses, a, c, stream, trial, t, n_steps, d_observation)
                 # Of the state at the step's start, the arm takes activation and force, the network lengths, velocities
                 # and the hand; what the network takes of the target is no state.
                 d_state = rows()
@@ -252,10 +219,10 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
                     optimal = p.optimal_muscle_length[m]
                     d_state[ACTIVATION, m] = gradients.activation[m]
                     d_state[FORCE, m] = gradients.force[m]
-                    d_state[LENGTH, m] = d_felt[m] / optimal
-                    d_state[VELOCITY, m] = d_felt[N_MUSCLES + m] / (p.normalized_max_velocity * optimal)
+                    d_state[LENGTH, m] = d_observation[m] / optimal
+                    d_state[VELOCITY, m] = d_observation[N_MUSCLES + m] / (p.normalized_max_velocity * optimal)
                 c.joint[stream, trial] = gradients.joint
                 c.muscle[stream, trial] = d_state
-                c.hand[stream, trial] = vec4(d_seen[0], d_seen[1], real(0.0), real(0.0))
+                c.hand[stream, trial] = vec4(d_observation[HAND], d_observation[HAND + 1], real(0.0), real(0.0))
 
     return RolloutKernels(roll, roll_adjoint, network, structs)

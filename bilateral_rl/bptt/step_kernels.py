@@ -1,4 +1,4 @@
-"""Parts of a rollout's step that depend on its features, as Warp functions: target, forces, senses and loss terms."""
+"""Parts of a rollout's step that depend on its features, as Warp functions: target, force, senses and loss terms."""
 
 import functools
 from typing import Any, NamedTuple
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from bilateral_rl.bptt.features import Features
+from bilateral_rl.bptt.network_kernels import NetworkShape, network_types
 from bilateral_rl.bptt.rollout_structs import HAND, N_SENSED, TARGET, n_terms, rollout_structs
 from bilateral_rl.envs.arm.hand_force import is_within
 from bilateral_rl.envs.arm.muscles import proprioception, resting_muscles
@@ -26,16 +27,25 @@ class StepFunctions(NamedTuple):
     """What of the force on the hand in a step does not depend on its motion: load, pulse, offsets of fields."""
     observe: Any
     """The observation before a step."""
+    sensed_later: Any
+    """The gradient by what is so before a step, from that by what is observed then."""
+    driven: Any
+    """What drives the muscles in a step."""
+    within: Any
+    """Whether the error of a step counts, as a factor."""
     all_terms: Any
     """All six terms of a step's loss."""
 
 
 @functools.cache
-def step_functions(real: Any, vec_in: Any, features: Features) -> StepFunctions:
-    """Return the functions in precision ``real``, for observations ``vec_in``."""
+def step_functions(real: Any, shape: NetworkShape, features: Features) -> StepFunctions:
+    """Return the functions in precision ``real``, for networks of ``shape``."""
     _, vec2, vec4, vec6, rows, Parameters = arm_types(real)
     structs = rollout_structs(real, features.further_losses)
     Trials, Senses, Trajectories = structs.Trials, structs.Senses, structs.Trajectories
+    CarriedGradients, vec_felt = structs.CarriedGradients, structs.vec_felt
+    network = network_types(real, shape)
+    Activity, vec_in = network.Activity, network.vec_in
     vec_terms = wp.types.vector(n_terms(True), real)
     has_timeline, has_forces, _, has_senses, _ = features
 
@@ -111,6 +121,58 @@ def step_functions(real: Any, vec_in: Any, features: Features) -> StepFunctions:
         return observation
 
     @wp.func
+    def sensed_later(
+        senses: Senses,
+        a: Activity,
+        c: CarriedGradients,
+        stream: int,
+        trial: int,
+        t: int,
+        n_steps: int,
+        d_observation: vec_in,
+    ) -> vec_in:
+        """Return the gradient by what is so before step ``t``, which will be observed in a delay.
+
+        The gradient by what is observed before that step belongs to what was so a delay ago, and waits in a ring. What
+        is held at the bounds of an observation has none.
+        """
+        k = trial * n_steps + t
+        felt_slots = senses.felt_delay + 1
+        seen_slots = senses.seen_delay + 1
+        d_felt = vec_felt()
+        d_seen = vec2()
+        for i in range(N_SENSED):
+            if a.observation[k][i] > senses.low[i] and a.observation[k][i] < senses.high[i]:
+                if i < HAND:
+                    d_felt[i] = d_observation[i]
+                else:
+                    d_seen[i - HAND] = d_observation[i]
+        c.felt[stream, trial, t % felt_slots] = d_felt
+        c.seen[stream, trial, t % seen_slots] = d_seen
+        result = vec_in()
+        if t + senses.felt_delay < n_steps:
+            for i in range(HAND):
+                result[i] = c.felt[stream, trial, (t + senses.felt_delay) % felt_slots][i]
+        if t + senses.seen_delay < n_steps:
+            for axis in range(2):
+                result[HAND + axis] = c.seen[stream, trial, (t + senses.seen_delay) % seen_slots][axis]
+        return result
+
+    @wp.func
+    def driven(senses: Senses, k: int, excitation: vec6) -> vec6:
+        """Return what drives the muscles: the command, with noise where there is any."""
+        result = vec6(excitation)
+        if has_senses:
+            for m in range(N_MUSCLES):
+                result[m] = excitation[m] + senses.noise[k][N_SENSED + m]
+        return result
+
+    @wp.func
+    def within(t: int, counts_from: int) -> real:
+        """Return 1 in steps whose errors count, else 0."""
+        return wp.where(t >= counts_from, real(1.0), real(0.0))
+
+    @wp.func
     def all_terms(
         error: vec2, velocity: vec2, excitation: vec6, change: vec6, relative_force: vec6, counts: real
     ) -> vec_terms:
@@ -119,4 +181,4 @@ def step_functions(real: Any, vec_in: Any, features: Features) -> StepFunctions:
         others = further_terms(velocity, change, relative_force)
         return vec_terms(counts * papers[0], counts * papers[1], papers[2], counts * others[0], others[1], others[2])
 
-    return StepFunctions(at_rest, seen_target, steady_force, observe, all_terms)
+    return StepFunctions(at_rest, seen_target, steady_force, observe, sensed_later, driven, within, all_terms)

@@ -10,9 +10,12 @@ from supervised_runs import Watch
 from trainers import finish, of_seed
 
 from bilateral_rl.bptt.conditions import Conditions
+from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.noise import draw_noise
 from bilateral_rl.bptt.trials import stacked, training_trials
-from bilateral_rl.envs import TrialSettings
+from bilateral_rl.envs import ArmParameters, TrialSettings
+from bilateral_rl.envs.losses import LossSettings
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.envs.trials import TrialBatch
@@ -115,5 +118,15 @@ def test_losses_are_the_weighted_means_of_all_six_terms(make_trainer, rich):
     means = rollout.terms[0].double().mean((0, 1))
     assert (means > 0).all()
     weights = torch.tensor([[0.0, 5.0, 2.0, 0.0, 0.3, 0.2], [5.0, 0.0, 0.0, 0.4, 0.0, 0.0]], dtype=torch.float64)
-    torch.testing.assert_close(losses.values(rollout)[:, 0], weights @ means, rtol=1e-6, atol=0)
-    assert losses.penalty_weights == (0.0, 0.0), "settings that name a side's loss name all of it"
+    penalty = trainer.config.penalty_coefficient * 0.5 * rollout.weights[0].double().square().sum()
+    expected = weights @ means + torch.tensor([0.0, 2.0], dtype=torch.float64) * penalty
+    torch.testing.assert_close(losses.values(rollout)[:, 0], expected, rtol=1e-6, atol=0)
+
+
+@pytest.mark.parametrize("weight", [0.0, 3.0])
+def test_the_weight_of_the_penalty_is_a_setting(random_networks, weight):
+    layout, settings = Layout(random_networks(*PAPERS, n=1)[0]), LossSettings(dominant={"penalty": weight})
+    losses = StreamLosses("specialized", "weights", 0.1, layout, ArmParameters(), settings)
+    assert losses.penalty_weights == (weight, 2.0)
+    assert losses.weight_decay == [weight * 0.1, 0.2]
+    assert losses.term_weights.tolist() == [[0.0, 5.0, 2.0], [5.0, 0.0, 0.0]]
