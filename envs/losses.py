@@ -45,7 +45,7 @@ class SideLoss:
     """Of the mean squared muscle force after the step, each over its maximal isometric one (Crowninshield & Brand 1981,
     doi:10.1016/0021-9290(81)90035-X, of stresses)."""
     penalty: NotNegative = 0.0
-    """Of the weight penalty, a loss on parameters."""
+    """Of the weight penalty, a loss on parameters: what trains them takes it, no reward has it."""
 
     @property
     def terms(self) -> tuple[float, ...]:
