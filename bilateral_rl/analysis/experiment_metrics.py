@@ -98,7 +98,7 @@ TRIAL_METRICS: tuple[Metric, ...] = (
            "(Scheidt et al. 2000, doi:10.1152/jn.2000.84.2.853).",
            lambda record: mean(_on_walls(
                record, lambda reach: channels.peak_force(_walls(reach), reach.plan.start, reach.plan.goal)))),
-    Metric("channel_compensation", "Compensation on the channel", "", (*_CHANNEL, "field"), "higher",
+    Metric("channel_compensation", "Share of the field compensated", "", (*_CHANNEL, "field"), "higher",
            "Regression coefficient of the force on the channel's wall on the force that would cancel the field at the "
            "hand's velocity; 1 is full compensation (Smith et al. 2006, doi:10.1371/journal.pbio.0040179).",
            lambda record: mean(_on_walls(

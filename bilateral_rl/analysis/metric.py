@@ -43,6 +43,8 @@ class Metric:
     """One sentence, with its source."""
     value: Callable[[TrialRecord], float]
     """Computes the value of a seed from all its trials; NaN where no trial has one."""
+    condition: str | None = None
+    """The condition whose trials alone count; None for all."""
 
     def within(self, condition: str) -> Metric:
         """Return the same metric of the trials in a condition alone: ``final_error_in_null``."""
@@ -53,8 +55,9 @@ class Metric:
 
         label = f"{self.label}, {_CONDITION_WORDS[condition]}"
         definition = f"{self.definition} Of the trials {_CONDITION_WORDS[condition]} alone."
+        name = f"{self.name}{IN}{condition}"
         return dataclasses.replace(
-            self, name=f"{self.name}{IN}{condition}", label=label, definition=definition, value=value
+            self, name=name, label=label, definition=definition, value=value, condition=condition
         )
 
 

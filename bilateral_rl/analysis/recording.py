@@ -171,9 +171,9 @@ def record(
             with policy.motor_network.lesioned(lesions[names[i]]):
                 arrays = _arrays(evaluator, policy, conditions.settings)
             labels = {"seed": np.full(n, number), "lesion": np.repeat(names[[i]], n), "trial": first + np.arange(n)}
-            if evaluator.is_experiment:
+            if evaluator.plan.is_of_experiment:
                 plan = evaluator.plan
-                labels |= {"condition": plan.condition, "target_index": plan.target_index}
+                labels |= {"condition": plan.written_condition, "target_index": plan.target_index}
             fields = tuple(f for f in fields_of(policy.motor_network) if f.name in labels | arrays)
             yield Recording(fields, labels | arrays, conditions.settings.arm.timestep, metadata)
 
@@ -202,7 +202,7 @@ def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) 
     arrays[HAND_VELOCITY.name] = hand_velocity(
         arrays["joint_angle"], arrays["joint_velocity"], settings.arm.link_length
     )
-    if evaluator.is_experiment:
+    if evaluator.plan.is_of_experiment:
         arrays |= _of_plan(evaluator.plan)
     noise = evaluator.hidden_noise(network)
     if network.hidden_layers(torch.from_numpy(observation[:1, :1])):

@@ -11,7 +11,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.analysis.trial_plans import CONDITIONS
+from bilateral_rl.analysis.trial_plans import CONDITIONS, NULL_FIELD
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY
 from bilateral_rl.envs.trials import TrialBatch
@@ -25,6 +25,7 @@ TRIAL, TIME, STEP = "trial", "time", "step"
 
 _MUSCLES = tuple(name.replace(" ", "_") for name in MUSCLE_NAMES)
 _AXES = ("x", "y")
+_WRITTEN = [NULL_FIELD if condition == "null" else condition for condition in CONDITIONS]
 LABELS: dict[str, tuple[str, ...]] = {
     "joint": ("shoulder", "elbow"),
     "axis": _AXES,
@@ -179,7 +180,7 @@ LABEL_FIELDS = (
         "condition",
         (),
         "",
-        f"what is special of the trial: {', '.join(CONDITIONS)}, or several joined by +; of experiments alone",
+        f"what is special of the trial: {', '.join(_WRITTEN)}, or several joined by +; of experiments alone",
     ),
     Field("target_index", (), "", "which of the listed targets it is, from 0; -1 without a list; of experiments alone"),
 )

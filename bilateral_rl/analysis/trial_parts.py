@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis.trial_plans import TrialPlan
 from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.envs.tasks import HandForces
 
 _PER_STEP = ("seen_target", "force", "field_force", "distance", "observation", "excitation", "activation")
 _PER_MOMENT = ("joint", "hand")
@@ -19,6 +20,8 @@ _PER_MOMENT = ("joint", "hand")
 def chosen(record: TrialRecord, rows: NDArray[np.bool_]) -> TrialRecord:
     """Return the trials of a record for which ``rows`` (n,) is true."""
     plan = dataclasses.replace(record.plan, **_of_rows(record.plan, rows))
+    if plan.forces is not None:
+        plan = dataclasses.replace(plan, forces=HandForces._make(values[rows] for values in plan.forces))
     return dataclasses.replace(record, **_of_rows(record, rows), plan=plan)
 
 

@@ -19,6 +19,10 @@ CONDITIONS = ("field", "null", "channel", "no_go", "jump", "pulse")
 field is off; the hand is in a channel; no go cue comes; the target jumps; a pulse comes."""
 
 
+NULL_FIELD = "null_field"
+"""What tables write for "null", which much software reads as nothing."""
+
+
 @dataclass(frozen=True, eq=False)
 class TrialPlan:
     """Of ``n`` trials; steps count from 0, and ``NEVER`` stands for one that does not come."""
@@ -45,11 +49,18 @@ class TrialPlan:
     where both are one place."""
     forces: HandForces | None = None
     """Fields, pulses and channels, (n, …) each, which videos draw; None in a task without."""
+    is_of_experiment: bool = False
+    """Whether such things set trials of the task apart: cues, forces, or which of several targets it is."""
 
     @property
     def onset(self) -> Int32:
         """(n,): step at which the last target began, from which on reaching is measured; ``NEVER`` without a cue."""
         return np.where(self.jump < NEVER, self.jump, self.go).astype(np.int32)
+
+    @property
+    def written_condition(self) -> NDArray[np.str_]:
+        """(n,): the condition as tables have it."""
+        return np.where(self.condition == "null", NULL_FIELD, self.condition)
 
     def has(self, condition: str) -> NDArray[np.bool_]:
         """(n,): whether ``condition``, one of :data:`CONDITIONS`, is among those of each trial."""
@@ -90,6 +101,7 @@ def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings) -> Tri
         condition=_conditions(trials, go, jump, pulse),
         target_index=target_index,
         target_angle=angle.astype(np.float32),
+        is_of_experiment=trials.timeline is not None or trials.forces is not None or bool((target_index >= 0).any()),
         forces=trials.forces,
     )
 

@@ -22,7 +22,7 @@ from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
 from bilateral_rl.envs.measures import TrialMeasures, trial_measures
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import TaskLike, Trials, make_task
+from bilateral_rl.envs.tasks import NEVER, TaskLike, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
@@ -105,6 +105,13 @@ class TrialRecord:
         for name, values in (("start", self.hand[:, 0]), ("target", self.target), ("load", self.load)):
             unit = "N" if name == "load" else "m"
             columns |= {f"{name}_{axis}_{unit}": values[:, i] for i, axis in enumerate("xy")}
+        if self.plan.is_of_experiment:
+            onset = self.plan.onset.astype(np.float64)
+            columns |= {
+                "condition": self.plan.written_condition,
+                "target_index": self.plan.target_index,
+                "onset_step": np.where(onset < NEVER, onset, np.nan),
+            }
         return pd.DataFrame(columns)
 
 
@@ -192,12 +199,6 @@ class Evaluator:
     def has_forces(self) -> bool:
         """Whether the trials have forces beside the load."""
         return self._batch.task.has_forces
-
-    @property
-    def is_experiment(self) -> bool:
-        """Whether something of its plan sets a trial apart: cues, forces, or which of several targets it has."""
-        task = self._batch.task
-        return task.has_timeline or task.has_forces or bool((self.plan.target_index >= 0).any())
 
     @functools.cached_property
     def plan(self) -> TrialPlan:

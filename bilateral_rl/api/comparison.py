@@ -14,7 +14,7 @@ import pandas as pd
 
 from bilateral_rl.analysis import comparison as statistics
 from bilateral_rl.analysis.metric import Metric
-from bilateral_rl.analysis.metrics import find_metric, means_something, measure, preferred_metric
+from bilateral_rl.analysis.metrics import find_metric, means_something, measure, preferred_among, preferred_metric
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS, State, protocol_words, protocols_in, treatment
 from bilateral_rl.analysis.trials import Evaluator
@@ -124,7 +124,8 @@ def compare(
 
     Args:
         runs: two or more, or one, loaded or as :func:`load` takes them; or the table that :meth:`Run.lesion` returned.
-        metrics: one name or several, such as "effort"; None for the one that the paper judges the task by.
+        metrics: one name or several, such as "effort"; None for the one that the task is judged by, of the field's
+            trials where an experiment mixes trials with and without a field: "final_error_in_null" is of the others.
         retrain: what followed the lesions (of one run), as "everything", one or several; None for all that was tested.
         trials: number of trials of each test (of models).
         seed: seed of the first trial (of models).
@@ -242,7 +243,8 @@ def _compare_table(results: pd.DataFrame, metrics: Sequence[str] | None, protoco
     models, tasks = results["model"].unique(), results["task"].unique()
     if len(models) != 1 or len(tasks) != 1:
         raise UserError("A table of lesions that are compared is of one model and one task.")
-    found = _metrics(metrics, tasks[0], _USUAL_RADIUS)
+    chosen = metrics or [preferred_among(results["metric"].unique(), _USUAL_RADIUS)]
+    found = [find_metric(name) for name in chosen]
     return _compare_lesions(results, "This table", models[0], found, protocols)
 
 

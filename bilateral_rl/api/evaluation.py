@@ -8,7 +8,10 @@ from typing import Any
 
 import pandas as pd
 
+from bilateral_rl.analysis.breakdowns import breakdown
 from bilateral_rl.analysis.conditions import Conditions, conditions
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.modulation import SideModulation, side_modulations
 from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
 from bilateral_rl.api.checks import check_tests, flag
@@ -50,6 +53,18 @@ class Evaluation:
         radius = self.config.trial.threshold
         tables = [record.table(radius).assign(seed=seed) for seed, record in self.records.items()]
         return self._labelled(pd.concat(tables, ignore_index=True))
+
+    def taken_apart(self, by: str) -> pd.DataFrame:
+        """Return a row a network and target, condition or phase, at the radius of the test (:meth:`Run.evaluate`)."""
+        tables = [breakdown(record, by, self.metrics).assign(seed=seed) for seed, record in self.records.items()]
+        table = pd.concat(tables, ignore_index=True)
+        return self._labelled(table[["seed", *(name for name in table if name != "seed")]])
+
+    @property
+    def metrics(self) -> list[Metric]:
+        """The metrics of the task, at the radius of the test, of all trials."""
+        found = metrics_of(self.config.make_task(), [self.config.trial.threshold])
+        return [metric for metric in found if metric.condition is None]
 
     def _labelled(self, table: pd.DataFrame) -> pd.DataFrame:
         """Add what holds for every row: lesion, task, and settings other than the training's."""

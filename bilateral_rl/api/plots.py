@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from bilateral_rl.analysis.kinematics import SAME_PLACE
-from bilateral_rl.analysis.metrics import find_metric, preferred_metric
+from bilateral_rl.analysis.metrics import find_metric, preferred_among
 from bilateral_rl.analysis.recording import Recording
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.api.checks import whole
@@ -163,7 +163,7 @@ def plot_lesions(
         raise UserError("--results must be a table of lesions, as `run.lesion()` returns it.")
     task = _only("task", results["task"].unique().tolist())
     of_model = _only("model", results["model"].unique().tolist(), model, "table")
-    found = find_metric(metric or preferred_metric(task, _USUAL_RADIUS))
+    found = find_metric(metric or preferred_among(results["metric"].unique(), _USUAL_RADIUS))
     measured = results.loc[results["model"] == of_model, "metric"].unique().tolist()
     if found.name not in measured:
         raise UserError(f"The table has no {found.name}; choose a metric from {', '.join(measured)}.")

@@ -122,7 +122,7 @@ class Run:
         settings: Mapping[str, Any] | None = None,
         deterministic: bool = True,
         weights: str = FINAL,
-        by: Literal["seed", "trial"] = "seed",
+        by: Literal["seed", "trial", "target", "condition", "phase"] = "seed",
     ) -> pd.DataFrame:
         """Test the networks, and return their measures.
 
@@ -134,7 +134,8 @@ class Run:
             settings: other settings of trials than the run's, such as ``{"trial.sensory_noise": 0.01}``.
             deterministic: whether policies act by the mean of their actions, without exploration.
             weights: "final", "best" or "step_…": which of the run's weights.
-            by: "seed" for means over the trials, or "trial" for a row a trial.
+            by: "seed" for means over the trials, "trial" for a row a trial; of experiments also "target", "condition"
+                or "phase" (before and after the cue).
 
         Returns:
             By seed, a row for each network (``seed``) and radius of the goal (``threshold_m``: 2, 3 and 5 cm, and that
@@ -145,24 +146,35 @@ class Run:
 
             By trial, a row a trial at the radius of the test, in SI units: ``trial``, ``threshold_m``,
             ``goal_completion`` (0 or 1), ``speed_to_goal_m_per_step``, ``time_in_goal_steps``, ``final_error_m``,
-            ``start_distance_m``, both returns, ``start_x_m``, ``target_x_m``, ``load_x_N`` and the same along y, and
-            ``seed``.
+            ``start_distance_m``, both returns, ``start_x_m``, ``target_x_m``, ``load_x_N`` and the same along y, of
+            experiments ``condition``, ``target_index`` and ``onset_step`` (of the cue or the jump), and ``seed``.
 
-            Both end with ``lesion``, ``task`` and a column for each setting that is another than the run's.
+            By target or condition, a row a network and listed target (``target``, its index, and ``target_angle_deg``)
+            or condition of the trials (``condition``: "field", "null_field", "channel", "no_go", "jump", "pulse", or
+            several joined by "+"), with ``trials``, how many, and a column for every metric of the task, by its name
+            and in its unit. By phase, ``phase`` ("hold" before the cue, "reach" from it on), ``trials``, ``error_cm``,
+            ``speed_cm_per_s``, ``peak_speed_cm_per_s``, ``effort_per_s`` and ``force_N``, means over its steps.
+
+            All end with ``lesion``, ``task`` and a column for each setting that is another than the run's. Trials
+            without a cue count in no mean of what is reached.
 
         Raises:
             UserError: what cannot be tested so.
         """
+        from bilateral_rl.analysis.breakdowns import BREAKDOWNS
         from bilateral_rl.api.evaluation import evaluate
 
-        if by not in ("seed", "trial"):
-            raise UserError(f'--by must be "seed" or "trial", got {by!r}.')
+        choices = ("seed", "trial", *BREAKDOWNS)
+        if by not in choices:
+            raise UserError(f"--by must be one of {', '.join(choices)}, got {by!r}.")
         evaluation = evaluate(
             self, trials, seed, lesion=lesion, task=task, settings=settings_by_name("--set", settings),
             deterministic=deterministic, weights=weights,
         )  # fmt: skip
         tell(evaluation.under.notes)
-        return evaluation.by_seed() if by == "seed" else evaluation.by_trial()
+        if by == "seed":
+            return evaluation.by_seed()
+        return evaluation.by_trial() if by == "trial" else evaluation.taken_apart(by)
 
     @in_python
     def record(

@@ -170,7 +170,13 @@ def evaluate(
     lesion: Annotated[str, typer.Option(help="Lesion every network that is tested.")] = "intact",
     task: TestTask = None,
     overrides: TestSettings = None,
-    csv: Annotated[Path | None, typer.Option(help="Write one row a trial here; - is the terminal.")] = None,
+    by: Annotated[
+        str | None,
+        typer.Option(metavar="WHAT", help="Take the trials apart: by target, condition, or phase.", show_default="not"),
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Write one row a trial here, or what --by says; - is the terminal.")
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="Write the table here; - is the terminal.")] = None,
 ) -> None:
     """Test a trained model and print its measures at goal radii of 2, 3 and 5 cm and its own."""
@@ -185,6 +191,7 @@ def evaluate(
         lesion=lesion,
         task=task,
         overrides=overrides or [],
+        by=by,
         csv=csv,
         json_file=json,
         console=console,

@@ -11,9 +11,11 @@ import pandas as pd
 from rich.console import Console
 from rich.markup import escape
 
+from bilateral_rl.analysis.breakdowns import check_breakdown
 from bilateral_rl.analysis.trials import TrialRecord, summaries
 from bilateral_rl.api import evaluation as api
 from bilateral_rl.api.run import find_run
+from bilateral_rl.commands.parts_table import parts_table
 from bilateral_rl.commands.training_report import measures_table, sides_table
 from bilateral_rl.commands.writing import apart_from, json_ready, write
 from bilateral_rl.config.parse import parse_overrides
@@ -30,6 +32,7 @@ def evaluate(
     lesion: str,
     task: str | None,
     overrides: Sequence[str],
+    by: str | None,
     csv: Path | None,
     json_file: Path | None,
     console: Console,
@@ -45,13 +48,16 @@ def evaluate(
         lesion: "intact" or a lesion of every network.
         task: another task than the run's.
         overrides: other settings of trials, ``["trial.sensory_noise=0.01"]``.
-        csv: file for one row a trial; "-" for the terminal, None for no file.
+        by: what trials are taken apart by; None for nothing.
+        csv: file for one row a trial, or what they are taken apart by; "-" for the terminal, None for no file.
         json_file: file for the table, likewise.
         console: where to print.
 
     Raises:
         UserError: a run that cannot be tested, or a file that cannot be written; the table is printed all the same.
     """
+    if by is not None:
+        check_breakdown(by)
     console = apart_from(console, csv, json_file)
     made = api.evaluate(
         find_run(run), trials, seed, lesion=lesion, task=task,
@@ -60,11 +66,14 @@ def evaluate(
     head = {"run": run, "weights": weights, "trials": trials, "seed": seed, "deterministic": deterministic}
     head |= {"task": made.under.task, "lesion": lesion, "changed": dict(made.under.changed)}
     head["notes"] = list(made.under.notes)
+    parts = None if by is None else made.taken_apart(by)
     try:
-        _write(made, head, csv, json_file)
+        _write(made, head, parts, csv, json_file)
     finally:
         title = "; ".join([f"{run} ({weights}), {trials} trials of seed {seed}", *_deviations(made)])
         console.print(measures_table(made.records, made.config, title))
+        if parts is not None:
+            console.print(parts_table(parts, made.metrics, made.config.judged_by))
         if made.modulations:
             console.print(sides_table(made.modulations))
         for note in made.under.notes:
@@ -79,10 +88,16 @@ def _deviations(made: api.Evaluation) -> Iterator[str]:
         yield f"{name} = {value}"
 
 
-def _write(made: api.Evaluation, head: Mapping[str, Any], csv: Path | None, json_file: Path | None) -> None:
-    """Write the files that are requested: a row a trial, and the table, headed by what was tested."""
+def _write(
+    made: api.Evaluation,
+    head: Mapping[str, Any],
+    parts: pd.DataFrame | None,
+    csv: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Write the files that are requested: a row a trial or part, and the tables, headed by what was tested."""
     if csv is not None:
-        write(csv, made.by_trial().to_csv(index=False))
+        write(csv, (made.by_trial() if parts is None else parts).to_csv(index=False))
     if json_file is not None:
         threshold = made.config.trial.threshold
         by_seed = {seed: _by_threshold(record, threshold) for seed, record in made.records.items()}
@@ -90,6 +105,8 @@ def _write(made: api.Evaluation, head: Mapping[str, Any], csv: Path | None, json
         if made.modulations:
             sides = {seed: modulation.measures() for seed, modulation in made.modulations.items()}
             measures["sides"] = {**_mean(list(sides.values())), "by_seed": sides}
+        if parts is not None:
+            measures["parts"] = parts.to_dict("records")
         write(json_file, json.dumps(json_ready({**head, **measures}), indent=2, allow_nan=False) + "\n")
 
 

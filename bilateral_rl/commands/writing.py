@@ -36,7 +36,9 @@ def write(path: Path, text: str) -> None:
 
 
 def json_ready(value: Any) -> Any:
-    """Put None in the place of numbers that JSON cannot hold, in ``value`` and in dictionaries in it."""
+    """Put None in the place of numbers that JSON cannot hold, in ``value`` and in dictionaries and lists in it."""
     if isinstance(value, dict):
         return {key: json_ready(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [json_ready(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

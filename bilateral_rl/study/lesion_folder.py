@@ -177,8 +177,12 @@ class LesionFolder:
 
 
 def lesion_metrics(config: TrainConfig) -> Sequence[Metric]:
-    """The metrics that are printed and drawn: the task's preferred one and the final error."""
-    return [find_metric(name) for name in (preferred_metric(config.make_task(), config.trial.threshold), "final_error")]
+    """The metrics that are printed and drawn: the task's preferred one and the final error, of the same trials."""
+    preferred, error = (
+        find_metric(preferred_metric(config.make_task(), config.trial.threshold)),
+        find_metric("final_error"),
+    )
+    return [preferred, error if preferred.condition is None else error.within(preferred.condition)]
 
 
 def _up_to_date(description: Mapping[str, Any]) -> dict[str, Any]:

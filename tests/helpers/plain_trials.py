@@ -1,8 +1,12 @@
 """What records of trials without cues and forces have in common."""
 
+import dataclasses
+
 import numpy as np
 
 from bilateral_rl.analysis.trial_plans import TrialPlan
+from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.tasks import NEVER
 
 
@@ -19,6 +23,7 @@ def plain_plan(start, goal) -> TrialPlan:
         condition=np.full(n, "null"),
         target_index=np.full(n, -1, dtype=np.int32),
         target_angle=np.where(along.any(axis=1), np.arctan2(along[:, 1], along[:, 0]), np.nan).astype(np.float32),
+        is_of_experiment=False,
     )
 
 
@@ -31,3 +36,20 @@ def without_forces(hand, target, load) -> dict[str, np.ndarray]:
         "field_force": np.zeros((n, steps, 2), dtype=np.float32),
         "plan": plain_plan(np.asarray(hand)[:, 0], target),
     }
+
+
+def a_record(hand, target, **plan) -> TrialRecord:
+    """A record of hands (n, T + 1, 2) (m) that had targets (n, 2), with what is given of their plan."""
+    hand, target = np.asarray(hand, dtype=np.float32), np.asarray(target, dtype=np.float32)
+    n, steps = len(hand), hand.shape[1] - 1
+    rest = without_forces(hand, target, np.zeros((n, 2), dtype=np.float32))
+    plan = {name: np.asarray(values) for name, values in plan.items()}
+    zeros = {name: np.zeros((n, steps, 6), dtype=np.float32) for name in ("excitation", "activation")}
+    distance = np.linalg.norm(hand - target[:, None], axis=2)
+    record = TrialRecord(
+        **rest, **zeros, joint=np.zeros_like(hand), hand=hand, target=target,
+        load=np.zeros((n, 2), dtype=np.float32), distance=distance[:, 1:], start_distance=distance[:, 0],
+        observation=np.zeros((n, steps, 16), dtype=np.float32), vector_return=np.zeros((n, 2), dtype=np.float32),
+        arm=ArmParameters(),
+    )  # fmt: skip
+    return dataclasses.replace(record, plan=dataclasses.replace(record.plan, **plan))

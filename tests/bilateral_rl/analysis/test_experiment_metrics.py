@@ -6,33 +6,15 @@ import numpy as np
 import pytest
 import torch
 from everything import SETTINGS, everything
-from plain_trials import without_forces
+from plain_trials import a_record
 
 from bilateral_rl.analysis.metrics import find_metric, means_something, measure, metrics_of, preferred_metric
 from bilateral_rl.analysis.trial_parts import chosen, cued, since
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.experiment_task import ExperimentTask
 from bilateral_rl.envs.tasks import NEVER, TASKS, make_task
 from bilateral_rl.runs.policies import build_policy
-
-
-def a_record(hand, target, **plan):
-    """A record of hands (n, T + 1, 2) (m) that had targets (n, 2), with what is given of their plan."""
-    hand, target = np.asarray(hand, dtype=np.float32), np.asarray(target, dtype=np.float32)
-    n, steps = len(hand), hand.shape[1] - 1
-    rest = without_forces(hand, target, np.zeros((n, 2), dtype=np.float32))
-    plan = {name: np.asarray(values) for name, values in plan.items()}
-    zeros = {name: np.zeros((n, steps, 6), dtype=np.float32) for name in ("excitation", "activation")}
-    distance = np.linalg.norm(hand - target[:, None], axis=2)
-    record = TrialRecord(
-        **rest, **zeros, joint=np.zeros_like(hand), hand=hand, target=target,
-        load=np.zeros((n, 2), dtype=np.float32), distance=distance[:, 1:], start_distance=distance[:, 0],
-        observation=np.zeros((n, steps, 16), dtype=np.float32), vector_return=np.zeros((n, 2), dtype=np.float32),
-        arm=ArmParameters(),
-    )  # fmt: skip
-    return dataclasses.replace(record, plan=dataclasses.replace(record.plan, **plan))
 
 
 @pytest.fixture(scope="module")
@@ -173,3 +155,4 @@ def test_parts_of_a_record_are_of_the_same_trials(record):
     assert part.hand.shape == ((~rows).sum(), 20, 2)
     assert part.distance.shape[1] == part.force.shape[1] == 19
     np.testing.assert_array_equal(part.plan.goal, record.plan.goal[~rows])
+    np.testing.assert_array_equal(part.plan.forces.walls, record.plan.forces.walls[~rows])

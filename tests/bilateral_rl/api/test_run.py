@@ -53,7 +53,7 @@ def test_one_seed_can_be_named_in_every_way(loaded):
         (lambda run: run.record(lesion="lobotomy"), "Unknown lesion 'lobotomy'"),
         (lambda run: run.record(trials=0), "^`trials` must be at least 1"),
         (lambda run: run.record_to("trials.xls"), "trials.xls"),
-        (lambda run: run.evaluate(by="network"), '`by` must be "seed" or "trial"'),
+        (lambda run: run.evaluate(by="network"), "`by` must be one of seed, trial, target"),
         (lambda run: run.lesion("lobotomy"), "cannot have the lesion 'lobotomy'; choose from intact, "),
         (lambda run: run.lesion(3), "^`lesions` takes a name or a list of names, not 3"),
         (lambda run: run.lesion(retrain="all"), "^Unknown `retrain` 'all'"),

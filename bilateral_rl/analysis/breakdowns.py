@@ -1,0 +1,99 @@
+"""Trials taken apart: what is measured by target, by condition, and by the phases before and after the cue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from bilateral_rl.analysis.kinematics import hand_speed
+from bilateral_rl.analysis.metric import Metric, mean
+from bilateral_rl.analysis.metrics import measure
+from bilateral_rl.analysis.trial_parts import chosen
+from bilateral_rl.analysis.trial_plans import CONDITIONS, NULL_FIELD
+from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.io.errors import UserError
+
+BREAKDOWNS = ("target", "condition", "phase")
+"""What trials can be taken apart by."""
+
+
+def breakdown(record: TrialRecord, by: str, metrics: Sequence[Metric]) -> pd.DataFrame:
+    """Return a row for each target, condition or phase.
+
+    Args:
+        record: the trials.
+        by: what they are taken apart by.
+        metrics: of targets and conditions, the columns, by name; phases have their own.
+
+    Returns:
+        Columns ``target`` (its index) and ``target_angle_deg``, or ``condition``, or ``phase``; ``trials``, how many;
+        and the measures.
+
+    Raises:
+        UserError: anything else, or trials whose targets are no list.
+    """
+    check_breakdown(by)
+    if by == "phase":
+        return pd.DataFrame(list(_phases(record)))
+    groups = _targets(record) if by == "target" else _conditions(record)
+    rows = [labels | {"trials": int(rows.sum())} | measure(chosen(record, rows), metrics) for labels, rows in groups]
+    return pd.DataFrame(rows)
+
+
+def check_breakdown(by: str) -> None:
+    """Raise a UserError unless trials can be taken apart by this."""
+    if by not in BREAKDOWNS:
+        raise UserError(f"--by must be one of {', '.join(BREAKDOWNS)}, got {by!r}.")
+
+
+def _targets(record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArray[np.bool_]]]:
+    index = record.plan.target_index
+    if (index < 0).any():
+        raise UserError(
+            "The targets of this task are no list, so that nothing can be told by target: leave --by target out."
+        )
+    for number in np.unique(index):
+        rows = index == number
+        x, y = (record.plan.goal[rows] - record.plan.start[rows]).astype(np.float64).mean(axis=0)
+        yield {"target": int(number), "target_angle_deg": float(np.degrees(np.arctan2(y, x)) % 360)}, rows
+
+
+def _conditions(record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArray[np.bool_]]]:
+    def order(condition: str) -> list[int]:
+        return [CONDITIONS.index(part) for part in condition.split("+")]
+
+    for condition in sorted(set(record.plan.condition.tolist()), key=order):
+        yield {"condition": NULL_FIELD if condition == "null" else condition}, record.plan.condition == condition
+
+
+def _phases(record: TrialRecord) -> Iterator[dict[str, object]]:
+    """Before the cue a hold; from the cue on a reach, or a hold that goes on where the target is the start."""
+    after = np.arange(record.distance.shape[1]) >= record.plan.go[:, None]
+    stays = np.isnan(record.plan.target_angle).all()
+    for phase, steps in (("hold", ~after), ("hold" if stays else "reach", after)):
+        if steps.any():
+            yield {"phase": phase, "trials": int(steps.any(axis=1).sum())} | _of_phase(record, steps)
+
+
+def _of_phase(record: TrialRecord, steps: NDArray[np.bool_]) -> dict[str, float]:
+    """Means over the trials of what is measured in some of their steps (n, T)."""
+    speed = hand_speed(record.hand, record.arm.timestep)
+    effort = (record.excitation.astype(np.float64) ** 2).sum(axis=2)
+    force = np.linalg.norm(record.force.astype(np.float64), axis=2)
+    return {
+        "error_cm": mean(_over(record.distance.astype(np.float64), steps), 100),
+        "speed_cm_per_s": mean(_over(speed, steps), 100),
+        "peak_speed_cm_per_s": mean(np.where(steps.any(axis=1), np.where(steps, speed, 0.0).max(axis=1), np.nan), 100),
+        "effort_per_s": mean(_over(effort, steps)),
+        "force_N": mean(_over(force, steps)),
+    }
+
+
+def _over(values: NDArray[np.float64], steps: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(n,): means of (n, T) values over some of the steps; NaN where there are none."""
+    number = steps.sum(axis=1)
+    total = np.where(steps, values, 0.0).sum(axis=1)
+    return np.asarray(np.divide(total, number, out=np.full(len(total), np.nan), where=number > 0))

@@ -1,0 +1,57 @@
+"""What trials come to by target, condition or phase, as a table that fits into the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pandas as pd
+from rich.table import Table
+
+from bilateral_rl.analysis.formats import mean_sd
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.figures.labels import with_unit
+
+_SHOWN = (
+    "final_error", "signed_deviation", "channel_compensation", "reaction_time", "jump_latency", "pulse_deviation",
+)  # fmt: skip
+"""What is shown of the metrics that there are after the one that the task is judged by; files have all of them."""
+_MOST = 3
+"""So many of them fit into 80 columns."""
+_FINE = ("channel_compensation", "effort_per_s")
+"""Columns with two decimals."""
+_PHASE = {
+    "error_cm": "error (cm)", "speed_cm_per_s": "speed (cm/s)", "peak_speed_cm_per_s": "peak (cm/s)",
+    "effort_per_s": "effort (1/s)", "force_N": "force (N)",
+}  # fmt: skip
+
+
+def parts_table(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) -> Table:
+    """Return a row a part: of the one seed, or mean ± standard deviation over the seeds.
+
+    Args:
+        parts: a row a seed and part (:func:`bilateral_rl.analysis.breakdowns.breakdown`), after ``seed``.
+        metrics: those that it has columns for.
+        judged_by: beginning of the name of the one that the task is judged by.
+    """
+    by = next(name for name in ("target", "condition", "phase") if name in parts)
+    columns = _PHASE if by == "phase" else _chosen(parts, metrics, judged_by)
+    table = Table(by)
+    table.columns[0].overflow = "fold"
+    for words in ("trials", *columns.values()):
+        table.add_column(words, justify="right", overflow="fold")
+    for _, rows in parts.groupby(by, sort=False):
+        first = rows.iloc[0]
+        name = f"{first['target']} ({first['target_angle_deg']:.0f}°)" if by == "target" else str(first[by])
+        cells = (mean_sd(rows[column], 2 if column in _FINE else 1) for column in columns)
+        table.add_row(name, str(first["trials"]), *cells)
+    if (seeds := parts["seed"].nunique()) > 1:
+        table.caption = f"mean ± standard deviation over {seeds} seeds"
+    return table
+
+
+def _chosen(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) -> dict[str, str]:
+    """Return the headings of the columns that are shown: those of which any part has a value."""
+    by_name = {metric.name: metric for metric in metrics if parts[metric.name].notna().any()}
+    judged = [name for name in by_name if name.startswith(judged_by)]
+    others = [name for name in _SHOWN if name in by_name]
+    return {name: with_unit(by_name[name]) for name in (*judged, *others[:_MOST])}
