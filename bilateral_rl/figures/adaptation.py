@@ -78,7 +78,7 @@ def adaptation(blocks: pd.DataFrame, title: str, measures: Sequence[str] = _SHOW
     set_title_and_legend(figure, title, [*entries.values()], [*entries])
     n_seeds = blocks["seed"].nunique()
     lines = "One seed." if n_seeds == 1 else f"Mean of {seed_counts([n_seeds])} and its 95 % confidence interval."
-    channel = " Compensation: 1 is a force on the wall that would cancel the field." * ("channel_compensation" in drawn)
+    channel = " Compensation 1 would cancel the field." * ("channel_compensation" in drawn)
     set_note(figure, f"{lines}{channel}")
     return figure
 
