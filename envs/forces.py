@@ -34,6 +34,8 @@ def affine_forces(forces: HandForces, start: NDArray[Any], target: NDArray[Any])
         start: (n, 2), position of the hand at the start (m).
         target: (n, 2), position of the target (m); a channel needs one that is apart from the start.
     """
+    if not forces.walls.any():  # most trials, and a large part of the time that one takes to begin
+        return AffineForces(_times(forces.position_gain, forces.center), forces.velocity_gain, forces.position_gain)
     across = np.einsum("ni,nj->nij", *[channel_normals(start, target)] * 2)  # (n, 2, 2): projection across the line
     stiffness, damping = (forces.walls[:, i, None, None] * across for i in range(2))
     return AffineForces(

@@ -12,28 +12,12 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.physics import kernel_parameters
 from bilateral_rl.envs.arm.warp_start import known_device
 from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renewed, whole_number
-from bilateral_rl.envs.forces import affine_forces
-from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.reward import step_weights
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import PLACES, Task, Trials
-from bilateral_rl.envs.trial_kernels import (
-    N_NOISE,
-    N_OBSERVED,
-    N_SENSED,
-    Features,
-    TrialArrays,
-    TrialRows,
-    load_kernels,
-    mat22,
-    rows,
-    steps2,
-    trial_kernels,
-    vec2,
-    vec4,
-    vec6,
-)
+from bilateral_rl.envs.tasks import Task, Trials
+from bilateral_rl.envs.trial_arrays import N_NOISE, OF_FORCES, OF_TIMELINE, Features, allocate, trial_rows, vec6
+from bilateral_rl.envs.trial_kernels import load_kernels, trial_kernels
 
 if TYPE_CHECKING:
     import torch
@@ -124,20 +108,20 @@ class TrialBatch:
         self._length = settings.trial_length
         self._steps_left = 0  # at most, of the arm that has most: what reads every clock is asked once a trial
         self._on_cpu = device == "cpu"
-        features = Features(task.has_timeline, task.has_forces, not settings.losses.is_of_the_paper)
+        features = _features(task, settings)
         self._kernels = trial_kernels(features)
         load_kernels(self._kernels, device)
         self._p = kernel_parameters(settings.arm, wp.float32)
-        self._arrays = _allocate(settings, features, n, device)
-        self._state_names = (*_STATE, *_OF_TIMELINE * features.timeline, *_OF_FORCES * features.forces)
+        *self._structs, self._arrays = allocate(settings, features, n, device)
+        self._state_names = (*_STATE, *OF_TIMELINE * features.timeline, *OF_FORCES * features.forces)
         self._action = wp.zeros(n, dtype=vec6, device=device)
         self._host_action = self._action.numpy()
-        self._host_noise = self._arrays.noise.numpy()
+        self._host_noise = self._arrays["noise"].numpy()
         self._noise_scale = np.array(settings.noise_scale)
         self._step_command = wp.launch(
             self._kernels.step,
             dim=n,
-            inputs=[self._p, step_weights(settings.losses, self._length), self._action, self._arrays],
+            inputs=[self._p, step_weights(settings.losses, self._length), self._action, *self._structs],
             device=device,
             record_cmd=True,
         )
@@ -175,9 +159,9 @@ class TrialBatch:
             dim=len(arms),
             inputs=[
                 self._p,
-                self._rows(trials),
+                trial_rows(trials, self.settings.arm, self.device),
                 wp.array(arms, dtype=wp.int32, device=self.device),
-                self._arrays,
+                *self._structs,
             ],
             device=self.device,
         )
@@ -185,27 +169,6 @@ class TrialBatch:
             self._steps_left = self._length
         if not self._on_cpu:
             self._fetch()
-
-    def _rows(self, trials: Trials) -> TrialRows:
-        """Return checked trials as the kernels take them."""
-        given: dict[str, tuple[NDArray[Any], Any]] = {name: (getattr(trials, name), vec2) for name in PLACES}
-        if trials.timeline is not None:
-            go, jump, jump_goal = trials.timeline
-            given |= {"go": (go, wp.int32), "jump": (jump, wp.int32), "jump_goal": (jump_goal, vec2)}
-        if trials.forces is not None:
-            start, goal = (hand_position(angles, self.settings.arm) for angles in (trials.start, trials.goal))
-            affine = affine_forces(trials.forces, start, goal)
-            given |= {
-                "offset": (affine.offset, vec2),
-                "velocity_gain": (affine.velocity_gain, mat22),
-                "position_gain": (affine.position_gain, mat22),
-                "pulse": (trials.forces.pulse, vec2),
-                "pulse_window": (trials.forces.pulse_window, steps2),
-            }
-        rows = TrialRows()
-        for name, (values, dtype) in given.items():
-            setattr(rows, name, wp.array(values, dtype=dtype, device=self.device))
-        return rows
 
     def _set_noise(self, arms: NDArray[np.int32], noise: object) -> None:
         if noise is None and not self.settings.noisy:
@@ -218,7 +181,7 @@ class TrialBatch:
             raise ValueError(f"noise must be finite numbers of shape {shape}, got shape {normal.shape}.")
         self._host_noise[arms] = normal * self._noise_scale
         if not self._on_cpu:
-            self._arrays.noise.assign(self._host_noise)
+            self._arrays["noise"].assign(self._host_noise)
 
     def step(self, action: NDArray[np.float32]) -> None:
         """Make one step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound.
@@ -256,11 +219,11 @@ class TrialBatch:
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything that the rest of the trials depends on, by name; on a CPU these are live views."""
-        return {name: getattr(self._arrays, name).numpy() for name in self._state_names}
+        return {name: self._arrays[name].numpy() for name in self._state_names}
 
     def state_array(self, name: str) -> NDArray[Any]:
         """Return one of :meth:`state_arrays`, without fetching the others from a device."""
-        values: NDArray[Any] = getattr(self._arrays, name).numpy()
+        values: NDArray[Any] = self._arrays[name].numpy()
         return values
 
     def set_state_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -271,8 +234,8 @@ class TrialBatch:
         """
         self.check_state_arrays(arrays)
         for name in self._state_names:
-            getattr(self._arrays, name).assign(np.ascontiguousarray(arrays[name]))
-        self._host_noise = self._arrays.noise.numpy()
+            self._arrays[name].assign(np.ascontiguousarray(arrays[name]))
+        self._host_noise = self._arrays["noise"].numpy()
         self._steps_left = self._length - int(arrays["clock"].min())
         self._fetch()
 
@@ -304,7 +267,7 @@ class TrialBatch:
     def _fetch(self) -> None:
         """Make the attributes the kernels' arrays: views on a CPU, copies of what is on another device."""
         for name in _OUTPUTS:
-            array = self.__dict__[name] = getattr(self._arrays, name).numpy()
+            array = self.__dict__[name] = self._arrays[name].numpy()
             if name in _READ_ONLY or not self._on_cpu:  # what is written into it would be lost, or mistaken
                 array.flags.writeable = False
 
@@ -314,9 +277,7 @@ _KEPT = frozenset(TrialBatch.__annotations__)
 _OUTPUTS = tuple(name for name in TrialBatch.__annotations__ if name not in _FIXED)
 """Names of the batch's arrays, which are those of the kernels' struct: an array that is annotated is offered."""
 _READ_ONLY = ("clock", "onset", "force")
-_OF_TIMELINE = ("onset", "go", "jump", "goal_target", "jump_target")
-_OF_FORCES = ("force", "offset", "velocity_gain", "position_gain", "pulse", "pulse_window")
-_STATE = (*(name for name in _OUTPUTS if name not in _OF_TIMELINE + _OF_FORCES), "noise", "sensed")
+_STATE = (*(name for name in _OUTPUTS if name not in OF_TIMELINE + OF_FORCES), "noise", "sensed")
 """Names of the arrays that every saved state holds; those of timelines and forces follow where there are such."""
 
 
@@ -332,6 +293,11 @@ def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> No
         raise ValueError(f"{name} is not finite")
 
 
+def _features(task: Task, settings: TrialSettings) -> Features:
+    muscles, hand = settings.delays
+    return Features(task.has_timeline, task.has_forces, not settings.losses.is_of_the_paper, muscles != hand)
+
+
 def _n_arms(n: object) -> int:
     number = whole_number("the number of arms", n, 0)
     if number < 1:
@@ -339,45 +305,3 @@ def _n_arms(n: object) -> int:
     if number > MOST_ARMS:
         raise ValueError(f"at most {MOST_ARMS:,} arms can run at once, got {number:,}.")
     return number
-
-
-def _allocate(settings: TrialSettings, features: Features, n: int, device: str) -> TrialArrays:
-    """Return the kernels' struct with arrays of zeros on ``device``."""
-    length = settings.trial_length
-    shapes: dict[str, tuple[tuple[int, ...], Any]] = {
-        "clock": ((n,), wp.int32),
-        "joint": ((n,), vec4),
-        "muscle": ((n,), rows),
-        "hand": ((n,), vec2),
-        "target": ((n,), vec2),
-        "load": ((n,), vec2),
-        "noise": ((n, length + 1 if settings.noisy else 1, N_NOISE), wp.float32),
-        "sensed": ((n, max(settings.delays) + 1, N_SENSED), wp.float32),
-        "observation": ((n, N_OBSERVED), wp.float32),
-        "excitation": ((n,), vec6),
-        "vector_reward": ((n,), vec2),
-        "reward": ((n,), wp.float32),
-        "vector_return": ((n,), vec2),
-        "start_distance": ((n,), wp.float32),
-        "distance": ((n, length), wp.float32),
-        "onset": ((n,), wp.int32),
-    }
-    if features.timeline:
-        steps, places = ((n,), wp.int32), ((n,), vec2)
-        shapes |= {"go": steps, "jump": steps, "goal_target": places, "jump_target": places}
-    if features.forces:
-        vectors, matrices = ((n,), vec2), ((n,), mat22)
-        shapes |= {"force": vectors, "offset": vectors, "pulse": vectors}
-        shapes |= {"velocity_gain": matrices, "position_gain": matrices}
-        shapes["pulse_window"] = ((n,), steps2)
-    arrays = TrialArrays()
-    for name, (shape, dtype) in shapes.items():
-        setattr(arrays, name, wp.zeros(shape, dtype=dtype, device=device))
-    if not features.forces:
-        arrays.force = arrays.load
-    arrays.muscle_delay, arrays.hand_delay = map(wp.int32, settings.delays)
-    arrays.clock.fill_(length)  # in no trial
-    low, high = settings.observation_bounds()
-    arrays.observation_low = wp.array(low, dtype=wp.float32, device=device)
-    arrays.observation_high = wp.array(high, dtype=wp.float32, device=device)
-    return arrays

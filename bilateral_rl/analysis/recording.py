@@ -34,7 +34,7 @@ from bilateral_rl.analysis.trial_plans import TrialPlan
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import NEVER
-from bilateral_rl.envs.trial_kernels import N_SENSED
+from bilateral_rl.envs.trial_arrays import N_SENSED
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import Lesion

@@ -35,7 +35,8 @@ from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.warp_start import start_warp
 from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.envs.tasks import Timeline
-from bilateral_rl.envs.trial_kernels import Features, TrialRows, trial_kernels, vec2
+from bilateral_rl.envs.trial_arrays import Features, TrialRows, vec2
+from bilateral_rl.envs.trial_kernels import trial_kernels
 from bilateral_rl.envs.trials import TrialBatch
 
 WORKS, REFUSED = "works", "refused"
@@ -245,7 +246,7 @@ def trap() -> Door:
     def read_behind() -> None:
         arms, rows = wp.array(np.arange(N), dtype=wp.int32), TrialRows()
         rows.start = rows.goal = rows.load = wp.zeros(1, dtype=vec2)
-        wp.launch(trial_kernels(Features()).start, dim=N, inputs=[batch._p, rows, arms, batch._arrays])
+        wp.launch(trial_kernels(Features()).start, dim=N, inputs=[batch._p, rows, arms, *batch._structs])
 
     return Door(read_behind, st.just(()))
 
