@@ -26,6 +26,8 @@ _ARM = np.zeros(1, dtype=np.int32)
 class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A planar arm with two joints and six muscles reaches for a target, or holds its hand on one against a load.
 
+    In experiments there may also be a cue to go, a target that jumps, fields of forces, pulses and channels.
+
     The arm is MotorNet's ``RigidTendonArm26`` with Hill muscles, as in paper section 2; a step is 10 ms.
 
     ## Action space: Box(-1, 1, (6,), float32)
@@ -51,16 +53,21 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     | 14–15 | target x, y | m | ± reach (0.642) |
 
     Lengths and velocities are those of the geometry one step ago, the hand's position is present: the delay that the
-    paper's loop itself has. ``feedback_delay`` delays all fourteen sensed numbers further.
+    paper's loop itself has. ``feedback_delay`` delays all fourteen sensed numbers further, ``proprioception_delay`` the
+    muscles' and ``vision_delay`` the hand's by a number of their own; noise, likewise, is common or a sense's own. The
+    target is seen at once: it is where the hand started before the cue, the goal from the cue on, and where it jumped
+    to from the jump on.
 
     ## Reward
 
-    The negative of the paper's loss terms of the step (section 4), with e the hand's error after the step (m) and u
-    the commanded excitations:
+    The negative of the paper's loss terms of the step (section 4), with e the hand's error after the step (m), from the
+    target that was seen before it, and u the commanded excitations:
 
     - dominant: −(5 · 10 mean(e²) + 2 · mean(u²))
     - non-dominant: −5 · mean|e|
 
+    ``losses`` sets the weights of these terms and of three more, for either side: the squared speed of the hand, and
+    the mean squares of changes of u and of muscle forces; with ``last_steps``, e and the speed count at the end alone.
     ``info["vector_reward"]`` is the pair; the reward is its mean, which is minus the combined loss. The weight penalty
     is a loss on parameters, not a reward.
 
@@ -72,7 +79,8 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     and a size uniform from 0 to ``max_load``. Muscles start at activation 0.001.
 
     ``reset(options={"start": (2,), "goal": (2,), "load": (2,)})`` sets the trial instead: angles in rad of the start
-    posture and of the posture whose hand position is the target (default: the start), and a load in N (default: 0).
+    posture and of the posture whose hand position is the target (default: the start), and a load in N (default: 0). A
+    timeline and forces are drawn as ever.
 
     ## End
 
@@ -82,7 +90,8 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
 
     ``vector_reward`` (2,) and ``distance`` to the target (m) at every step; at the trial's last step also
     ``vector_return`` (2,), ``is_success`` (goal completion), ``speed_to_goal`` (m/step, NaN if not reached),
-    ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``.
+    ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``. They count from the onset of
+    the last target; without a cue, success is to stay. ``env.batch.force`` is the force on the hand in the last step.
 
     Args:
         task: ``"random_reach"``, ``"hold_position"``, the name or YAML file of an experiment, or a
@@ -91,7 +100,9 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
             four times slower than it does.
         **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`: ``trial_length=50`` (steps),
             ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``load="axes"`` or ``"direction"``,
-            ``sensory_noise=0.0``, ``motor_noise=0.0``, ``feedback_delay=0`` (steps), ``arm=ArmParameters()``.
+            ``sensory_noise=0.0``, ``motor_noise=0.0``, ``feedback_delay=0`` (steps), ``length_noise``,
+            ``velocity_noise``, ``vision_noise``, ``proprioception_delay``, ``vision_delay`` (None: the common ones),
+            ``losses=LossSettings()``, ``arm=ArmParameters()``.
 
     Raises:
         ValueError: an unknown task, render mode or setting, or a setting outside its range.
