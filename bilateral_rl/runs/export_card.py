@@ -93,6 +93,8 @@ def _text(config: TrainConfig, measures: Sequence[Measured], tests: str) -> str:
         f"{config.make_task().description or config.task_folder}. The model is "
         f"`{config.model}`, {config.spec.description}, trained by `{config.algo}`, {ALGORITHMS[config.algo]}."
     )
+    if noise := config.network.hidden_noise:
+        about += f" Its hidden units are noisy (standard deviation {noise:g}), so that no two of its actions are alike."
     measured = f"{tests}{'; of the networks the mean, and from lowest to highest' if several else ''}:"
     rows = [f"| {measure.label} | {_in_words(measure)} |" for measure in measures]
     learning = "epochs.csv" if config.algo == "bptt" else "evaluations.csv"

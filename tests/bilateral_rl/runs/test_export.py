@@ -108,13 +108,16 @@ def test_the_lines_of_the_card_load_it_again(small_bptt, tmp_path):
     from bilateral_rl.training.run import train
 
     trial = {"trial_length": 20, "threshold": 0.03, "arm": {"timestep": 0.02}}
-    folder = train(small_bptt(seeds=2, epochs=1, trial=trial), tmp_path / "runs").folder
+    noisy = {"network": {"hidden_noise": 0.1}}
+    folder = train(small_bptt(seeds=2, epochs=1, trial=trial, **noisy), tmp_path / "runs").folder
     path = brl.load(folder.path).export(tmp_path / "made", **FEW).path
     (code,) = re.findall(r"```python\n(.*?)```", card(path)[1], re.DOTALL)
     names = {}
     exec(code.replace("FOLDER", path.as_posix()), names)
     assert names["env"].settings == folder.config().trial
     assert names["action"].shape == (8, 6)
+    assert names["policy"].motor_network.noise.std == 0.1
+    assert "hidden units are noisy (standard deviation 0.1)" in " ".join(card(path)[1].split())
 
 
 def test_what_only_this_machine_knows_stays_here(bptt_run, small_bptt, tmp_path):

@@ -235,6 +235,13 @@ def test_without_a_run_to_begin_with_there_is_nothing(small, small_bptt):
     assert initial_states(small_bptt()) is None
 
 
+def test_networks_and_policies_have_the_noise_of_their_run(small, small_bptt):
+    for config in (small, small_bptt()):
+        assert build_network(config).noise.std == build_policy(config).motor_network.noise.std == 0
+        noisy = with_values(config, network={"hidden_noise": 0.1})
+        assert build_network(noisy).noise.std == build_policy(noisy).motor_network.noise.std == 0.1
+
+
 def test_both_kinds_of_runs_hold_networks_of_one_kind(run, bptt_run):
     (reinforced,), supervised = network_states(run).values(), network_states(bptt_run)
     assert list(supervised) == [0, 1, 2]
