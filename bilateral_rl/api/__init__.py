@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from bilateral_rl.api.plots import (
         plot_blocks,
         plot_center_out,
+        plot_channel,
         plot_curves,
         plot_lesions,
         plot_muscles,
@@ -58,6 +59,7 @@ MODULES = {
     "load": "api.run",
     "plot_blocks": "api.plots",
     "plot_center_out": "api.plots",
+    "plot_channel": "api.plots",
     "plot_curves": "api.plots",
     "plot_lesions": "api.plots",
     "plot_muscles": "api.plots",
@@ -85,6 +87,7 @@ __all__ = [
     "load",
     "plot_blocks",
     "plot_center_out",
+    "plot_channel",
     "plot_curves",
     "plot_lesions",
     "plot_muscles",

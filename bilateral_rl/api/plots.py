@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from bilateral_rl.analysis.channels import force_on_walls
 from bilateral_rl.analysis.kinematics import SAME_PLACE
 from bilateral_rl.analysis.metrics import find_metric, preferred_among
 from bilateral_rl.analysis.recording import Recording
@@ -17,7 +18,7 @@ from bilateral_rl.api.checks import whole
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.envs.tasks import RandomReach, make_task
 from bilateral_rl.figures import curves as learning
-from bilateral_rl.figures.adaptation import MEASURES, draw_blocks
+from bilateral_rl.figures.adaptation import MEASURES, draw_blocks, draw_channel_force
 from bilateral_rl.figures.center_out import MOST_TARGETS, Reaches, draw_center_out, has_few_targets
 from bilateral_rl.figures.lesions import draw_lesions
 from bilateral_rl.figures.recordings import draw_muscles, draw_paths, draw_speeds
@@ -169,6 +170,44 @@ def plot_lesions(
         raise UserError(f"The table has no {found.name}; choose a metric from {', '.join(measured)}.")
     axes = _axes(ax, (7.0, 3.4))
     draw_lesions(axes, results, task, found, of_model)
+    return axes
+
+
+@in_python
+def plot_channel(
+    recording: Recording, ax: Axes | None = None, *, seed: int | None = None, lesion: str | None = None
+) -> Axes:
+    """Draw the force of the hand on the walls of a channel over time, beside the one that would cancel the field.
+
+    Left of the way to the target is positive. A line is the mean over the trials in a channel, a band their quartiles;
+    time counts from the go cue.
+
+    Args:
+        recording: from :meth:`Run.record`, of an experiment with a field and a channel.
+        ax: where to draw; None for a new figure.
+        seed: seed of the network; it may be left out where there is one only.
+        lesion: its lesion, likewise.
+
+    Raises:
+        UserError: a recording of several networks or lesions and no word on which, one that is not in it, or one
+            without trials in a channel.
+    """
+    rows = _one(recording, seed, lesion)
+    conditions = recording.arrays.get("condition", np.full(len(recording), ""))[rows]
+    rows = rows[[{"channel", "pulse", "no_go"} & {*words.split("+")} == {"channel"} for words in conditions.tolist()]]
+    if not len(rows):
+        raise UserError(
+            "The recording has no trials in a channel: record an experiment with one, as by "
+            'settings={"experiment.forces.channel.share": 1.0}.'
+        )
+    hand, target, seen = (recording[name][rows] for name in ("hand", "target", "seen_target"))
+    of_walls = recording["force"][rows] - recording["load"][rows][:, None]
+    on_walls, ideal = (
+        force_on_walls(force, hand[:, 0], target) for force in (of_walls, recording["field_force"][rows])
+    )
+    axes = _axes(ax, (4.5, 3.2))
+    draw_channel_force(axes, on_walls, ideal, recording.timestep, _cues(hand, seen)[0])
+    axes.set_title(f"{len(rows)} trials, {_words(recording, rows)}", fontsize=10)
     return axes
 
 

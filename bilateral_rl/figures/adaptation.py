@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.figures.bands import draw_band
 from bilateral_rl.figures.curves import carried_forward, interval_over_seeds
+from bilateral_rl.figures.recordings import aligned
 from bilateral_rl.figures.style import (
     INK,
     ModelStyle,
@@ -109,7 +110,13 @@ def _draw(axes: Axes, blocks: pd.DataFrame, name: str) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
 
 
-def draw_channel_force(axes: Axes, force: NDArray[np.floating], ideal: NDArray[np.floating], timestep: float) -> None:
+def draw_channel_force(
+    axes: Axes,
+    force: NDArray[np.floating],
+    ideal: NDArray[np.floating],
+    timestep: float,
+    cue: NDArray[np.int_],
+) -> None:
     """Draw the force of the hand on a channel's wall over time, and the one that would cancel the field.
 
     Args:
@@ -117,9 +124,11 @@ def draw_channel_force(axes: Axes, force: NDArray[np.floating], ideal: NDArray[n
         force: (n, T), to the left of the way to the target (N).
         ideal: (n, T), what would cancel the field at the hand's velocity (N).
         timestep: length of a step (s).
+        cue: (n,), steps at which the go cues came, from which on time is counted.
     """
-    time = 1000 * timestep * np.arange(force.shape[1])
-    draw_band(axes, time, ideal, _IDEAL_STYLE, "would cancel the field")
-    draw_band(axes, time, force, CONDITION_STYLES["channel"], "on the wall")
-    style_axes(axes, "Time (ms)", "Force (N, left is positive)")
+    looks = (ideal, _IDEAL_STYLE, "would cancel the field"), (force, CONDITION_STYLES["channel"], "on the wall")
+    for values, style, words in looks:
+        shifted, first = aligned(values, cue)
+        draw_band(axes, 1000 * timestep * (first + np.arange(shifted.shape[1])), shifted, style, words)
+    style_axes(axes, "Time from the cue (ms)" if cue.any() else "Time (ms)", "Force (N, left is positive)")
     axes.legend(frameon=False, fontsize="small")

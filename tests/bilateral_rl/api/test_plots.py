@@ -102,6 +102,23 @@ def test_speeds_are_aligned_to_the_cue(around_a_center, ax):
     assert x[0] == pytest.approx(-45)  # half of the cues come at the fifth step or later: four steps and a half before
 
 
+def test_a_channel_shows_the_force_of_the_hand_beside_the_one_that_would_cancel_the_field(loaded, ax):
+    with pytest.raises(UserError, match="no trials in a channel"):
+        brl.plot_channel(loaded.record(2, task="center_out", progress=False), seed=0)
+    share = {"experiment.forces.channel.share": 0.5}
+    recording = loaded.record(8, task="curl_field", settings=share, progress=False)
+    assert brl.plot_channel(recording, ax, seed=1) is ax
+    rows = (recording["seed"] == 1) & (recording["condition"] == "channel")
+    assert 0 < rows.sum() < 8
+    start, goal = recording["hand"][rows, :1], recording["target"][rows][:, None]
+    along = (goal - start) / np.linalg.norm(goal - start, axis=2, keepdims=True)
+    lines = {line.get_label(): line.get_ydata() for line in ax.lines}
+    for words, of in (("on the wall", recording["force"]), ("would cancel the field", recording["field_force"])):
+        to_the_left = along[..., 0] * of[rows][..., 1] - along[..., 1] * of[rows][..., 0]
+        np.testing.assert_allclose(lines[words], -to_the_left.mean(axis=0), atol=1e-5)
+    assert ax.get_title().endswith("trials, seed 1, intact")
+
+
 def test_blocks_have_a_line_a_condition(blocks, ax):
     assert brl.plot_blocks(blocks, ax) is ax
     field, null = [next(line for line in ax.lines if line.get_gid() == gid) for gid in ("field", "null")]

@@ -50,7 +50,7 @@ def test_force_on_the_channel_stands_beside_the_one_that_would_cancel_the_field(
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     force, ideal = np.tile([0.0, 1.0, 2.0], (4, 1)), np.tile([0.0, 2.0, 4.0], (4, 1))
-    draw_channel_force(axes, force, ideal, 0.02)
+    draw_channel_force(axes, force, ideal, 0.02, np.zeros(4, dtype=int))
     by_words = {line.get_label(): line.get_xydata() for line in axes.lines}
     np.testing.assert_allclose(by_words["on the wall"], [(0, 0), (20, 1), (40, 2)])
     np.testing.assert_allclose(by_words["would cancel the field"], [(0, 0), (20, 2), (40, 4)])
