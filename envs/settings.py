@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 _MAX_NORMALIZED_LENGTH = 3.0
 _MAX_NORMALIZED_VELOCITY = 5.0
+_OF_ITS_OWN = {
+    "sensory_noise": ("length_noise", "velocity_noise", "vision_noise"),
+    "feedback_delay": ("proprioception_delay", "vision_delay"),
+}
+"""Settings of single senses, by that which they take the place of."""
 
 
 @refusing_in_a_sentence
@@ -60,6 +65,11 @@ class TrialSettings:
     """Weights of the terms in the losses of both sides, and so of their rewards."""
     arm: ArmParameters = field(default_factory=ArmParameters)
     """Physical constants."""
+
+    def __post_init__(self) -> None:
+        for common, own in _OF_ITS_OWN.items():
+            if getattr(self, common) and all(getattr(self, name) is not None for name in own):
+                raise ValueError(f"{common} has no effect where {', '.join(own)} are all given: leave one out")
 
     @property
     def noise_scale(self) -> tuple[float, ...]:

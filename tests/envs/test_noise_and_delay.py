@@ -181,3 +181,17 @@ def test_a_delay_of_its_own_takes_the_place_of_the_common_one():
     np.testing.assert_array_equal(
         record(3, feedback_delay=4, vision_delay=1)[0], record(3, proprioception_delay=4, vision_delay=1)[0]
     )
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"feedback_delay": 3, "proprioception_delay": 1, "vision_delay": 0},
+        {"sensory_noise": 0.1, "length_noise": 0.0, "velocity_noise": 0.1, "vision_noise": 0.2},
+    ],
+)
+def test_a_common_setting_that_no_sense_is_left_for_is_refused(settings):
+    common, *own = settings
+    with pytest.raises(ValueError, match=f"^{common} has no effect where {', '.join(own)} are all given: leave one"):
+        ArmEnv(**settings)
+    ArmEnv(**{name: settings[name] for name in own})
