@@ -85,8 +85,8 @@ def checked_trials(trials: object, n: int, task: Task, arm: ArmParameters) -> Tr
     if given.forces is not None:
         checked = checked._replace(forces=_checked_forces(given.forces, n))
         check_stability(checked.forces, arm)  # type: ignore[arg-type]
-        walled = checked.forces.walls.any(axis=1)  # type: ignore[union-attr]
-        if (walled & (start == goal).all(axis=1)).any():
+        walls = checked.forces.walls  # type: ignore[union-attr]
+        if walls.any() and (walls.any(axis=1) & (start == goal).all(axis=1)).any():
             raise ValueError("walls lie along the line from start to goal, which must not be the same place.")
     return checked
 

@@ -35,8 +35,12 @@ def check_stability(forces: HandForces, arm: ArmParameters) -> None:
     Raises:
         ValueError: a field whose swings the time step lets grow, or walls that do not settle; it names the bound.
     """
-    _check_walls(np.asarray(forces.walls, dtype=np.float64).reshape(-1, 2), arm)
-    gains = [np.asarray(gain, dtype=np.float64).reshape(-1, 4) for gain in forces[:2]]
+    shapes = {"velocity_gain": 4, "position_gain": 4, "walls": 2}
+    fields = [np.asarray(getattr(forces, name), dtype=np.float64).reshape(-1, k) for name, k in shapes.items()]
+    if all((field == field[:1]).all() for field in fields):  # all trials alike, as in most experiments
+        fields = [field[:1] for field in fields]
+    *gains, walls = fields
+    _check_walls(walls, arm)
     velocity, position = (np.linalg.norm(gain, axis=1) for gain in gains)
     # An eigenvalue λ of A is at most r, as |λ|² <= w (|B| |λ| + |K|), and |1 + z| <= |exp z| + |z|² exp|z| / 2.
     most = _highest_mobility(arm)
