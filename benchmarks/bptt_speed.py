@@ -1,4 +1,7 @@
-"""Milliseconds of a BPTT update, 64 trials of 50 steps, stacked and alone, and against MotorNet's PyTorch arm."""
+"""Milliseconds of a BPTT update, 64 trials of 50 steps, stacked and alone, and against MotorNet's PyTorch arm.
+
+Random reaches, and reaches around a center in a curl field, which MotorNet takes as a load computed anew every step.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import time
 from collections.abc import Callable
 
 import motornet
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,15 +22,25 @@ from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.bptt.trainer import Trainer
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import BPTTConfig
+from bilateral_rl.envs.kinematics import inverse_kinematics
 from bilateral_rl.runs.policies import build_network
 
 TRIALS, STEPS = 64, 50
-CASES = [("cc_s", 10), ("cc_ns", 10), ("cc_s", 1), ("cc_ns", 1), ("uni_dl", 10)]
+PLAIN, FIELD = "random_reach", "curl_field"
+CASES = [
+    *(
+        (model, seeds, PLAIN)
+        for model, seeds in (("cc_s", 10), ("cc_ns", 10), ("cc_s", 1), ("cc_ns", 1), ("uni_dl", 10))
+    ),
+    *((model, seeds, FIELD) for model, seeds in (("cc_s", 10), ("cc_ns", 1))),
+]
+CURL = 15.0
+"""Of the field (N·s/m), as in the paradigm."""
 
 
-def ours(model: str, seeds: int) -> Callable[[], float]:
+def ours(model: str, seeds: int, task: str) -> Callable[[], float]:
     """A function that runs an epoch, validation included, and gives the milliseconds of an update of one seed."""
-    config = resolve("bptt", "random_reach", [{"seeds": seeds}], model=model)
+    config = resolve("bptt", task, [{"seeds": seeds, "trial": {"trial_length": STEPS}}], model=model)
     assert isinstance(config, BPTTConfig)
     networks = [build_network(config) for _ in range(seeds)]
     layout = Layout(networks[0])
@@ -43,7 +57,7 @@ def ours(model: str, seeds: int) -> Callable[[], float]:
     return measure
 
 
-def on_motornet(model: str, threads: int) -> Callable[[], float]:
+def on_motornet(model: str, threads: int, task: str) -> Callable[[], float]:
     """A function that makes updates of the same network by torch on MotorNet's own arm, the combined loss."""
     config = resolve("bptt", "random_reach", model=model)
     network = build_network(config)
@@ -52,21 +66,33 @@ def on_motornet(model: str, threads: int) -> Callable[[], float]:
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
     optimal = arm.muscle.l0_ce[0, 0]
     upper = torch.deg2rad(torch.tensor([135.0, 155.0]))
+    center = torch.from_numpy(inverse_kinematics(np.array([[0.0, 0.4]]), config.trial.arm)).float()
+    around = torch.arange(TRIALS) % 8 * torch.pi / 4
+    field = CURL * torch.tensor([[0.0, 1.0], [-1.0, 0.0]])
 
     def reset(posture: Tensor) -> None:
         joint = torch.cat([posture, torch.zeros_like(posture)], dim=1)
         arm.reset(options={"batch_size": TRIALS, "joint_state": joint})
 
-    def update() -> None:
+    def begin() -> Tensor:
+        """Put the arms at their starts, and return the targets."""
+        if task == FIELD:
+            reset(center.expand(TRIALS, 2))
+            return arm.states["cartesian"][:, :2] + 0.1 * torch.stack([around.cos(), around.sin()], dim=1)
         reset(torch.rand(TRIALS, 2) * upper)
         target = arm.states["cartesian"][:, :2].clone()
         reset(torch.rand(TRIALS, 2) * upper)
+        return target
+
+    def update() -> None:
+        target = begin()
         loss = torch.zeros(())
         for _ in range(STEPS):
             muscle_state = arm.states["muscle"]
             seen = [muscle_state[:, 1] / optimal, muscle_state[:, 2] / (10 * optimal), arm.states["cartesian"][:, :2]]
             excitation = network.excitation(torch.cat([*seen, target], dim=1))
-            arm.step(excitation)
+            load = {"endpoint_load": arm.states["cartesian"][:, 2:] @ field.T} if task == FIELD else {}
+            arm.step(excitation, **load)
             error = arm.states["cartesian"][:, :2] - target
             loss = loss + 2.5 * error.abs().mean() + 25 * error.square().mean() + excitation.square().mean()
         optimizer.zero_grad()
@@ -92,11 +118,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
-    measures = {f"{model}, {seeds} seed(s)": ours(model, seeds) for model, seeds in CASES}
-    baselines = []
-    for threads in sorted({1, os.cpu_count() or 1}):
-        baselines.append(f"cc_ns on MotorNet's arm, 1 seed, {threads} torch thread(s)")
-        measures[baselines[-1]] = on_motornet("cc_ns", threads)
+    measures = {f"{model}, {task}, {seeds} seed(s)": ours(model, seeds, task) for model, seeds, task in CASES}
+    baselines: dict[str, list[str]] = {PLAIN: [], FIELD: []}
+    for task, names in baselines.items():
+        for threads in sorted({1, os.cpu_count() or 1}):
+            names.append(f"cc_ns, {task} on MotorNet's arm, 1 seed, {threads} torch thread(s)")
+            measures[names[-1]] = on_motornet("cc_ns", threads, task)
     for measure in measures.values():
         measure()  # compiles, and fills the caches
     times: dict[str, list[float]] = {name: [] for name in measures}
@@ -105,6 +132,9 @@ if __name__ == "__main__":
             times[name].append(measure())
     for name, values in times.items():
         print(f"{name}: {statistics.median(values):.2f} ms an update and seed ({min(values):.2f} to {max(values):.2f})")
-    fastest = min(baselines, key=lambda name: statistics.median(times[name]))
-    ratios = [a / b for a, b in zip(times[fastest], times["cc_ns, 1 seed(s)"], strict=True)]
-    print(f"MotorNet's arm over ours, cc_ns, 1 seed: {statistics.median(ratios):.0f} times (median; its faster way)")
+    for task, names in baselines.items():
+        fastest = min(names, key=lambda name: statistics.median(times[name]))
+        ratios = [a / b for a, b in zip(times[fastest], times[f"cc_ns, {task}, 1 seed(s)"], strict=True)]
+        print(
+            f"MotorNet's arm over ours, cc_ns, {task}, 1 seed: {statistics.median(ratios):.0f} times (its faster way)"
+        )

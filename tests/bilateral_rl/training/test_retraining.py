@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from rich_tasks import RICH_SETTINGS, Rich
 
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.bptt.layout import Layout
@@ -297,3 +298,16 @@ def test_a_network_beyond_all_numbers_harms_no_other(rows, same_bits):
 def test_a_run_of_reinforcement_learning_has_nothing_of_a_supervised_training(name, value):
     with pytest.raises(UserError, match=f"not trained by BPTT and has no {name} .* use --retrain-{name}"):
         Retraining(RLConfig(), Protocol(**{name: value}))
+
+
+def test_networks_of_a_task_with_everything_are_retrained_as_if_each_were_alone(rows, monkeypatch):
+    """Timelines, forces, losses, noise and delays; a network has the same noise under every lesion."""
+    monkeypatch.setitem(TASKS, "rich", Rich)
+    trial, noisy = TrialSettings(trial_length=20, **RICH_SETTINGS), replace(CONFIG.network, hidden_noise=0.05)
+    config = replace(CONFIG, task="rich", trial=trial, network=noisy)
+    both = retrain(rows, find_lesion("callosum"), config=config, threads=2)
+    for index, seed in enumerate(SEEDS):
+        one = slice(index, index + 1)
+        assert torch.equal(retrain(rows[one], find_lesion("callosum"), config=config, seeds=[seed]), both[one])
+    without = replace(config, network=CONFIG.network)
+    assert not torch.equal(retrain(rows, find_lesion("callosum"), config=without), both)
