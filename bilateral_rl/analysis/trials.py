@@ -16,7 +16,16 @@ from torch import Tensor
 
 from bilateral_rl.analysis import kinematics
 from bilateral_rl.analysis.goals import REPORTED_RADII, distinct_radii
-from bilateral_rl.analysis.recording_fields import FIELD_FORCE, MEASURED, SEEN_TARGET, STEP, TARGET, TIME, Field
+from bilateral_rl.analysis.recording_fields import (
+    FIELD_FORCE,
+    HAND_FORCE,
+    MEASURED,
+    SEEN_TARGET,
+    STEP,
+    TARGET,
+    TIME,
+    Field,
+)
 from bilateral_rl.analysis.trial_plans import TrialPlan, plan_of
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
@@ -147,9 +156,10 @@ class Evaluator:
         Raises:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
-        arrays = self.record(policy, MEASURED, deterministic)
+        fields = [f for f in MEASURED if f.name != "joint_velocity" or self.has_forces]
+        arrays = self.record(policy, fields, deterministic)
         joint, activation = arrays.pop("joint_angle"), arrays.pop("activation")
-        del arrays["joint_velocity"]
+        arrays.pop("joint_velocity", None)
         return TrialRecord(
             **arrays,
             joint=joint,
@@ -167,7 +177,7 @@ class Evaluator:
         Args:
             policy: acts in all trials at once.
             fields: what is recorded, the observation among it; with the target also the seen ones, and with the force
-                of the field also hand, joint angles and their velocities.
+                of a field also hand, joint angles and their velocities.
             deterministic: whether it acts without exploration.
 
         Raises:
@@ -220,7 +230,7 @@ class Evaluator:
     def _field_force(self, arrays: dict[str, Float32]) -> Float32:
         """The force B v + K (x₀ − x) of the field before each step, (n, T, 2) (N)."""
         batch, hand = self._batch, arrays["hand"][:, :-1]
-        field = batch.task.field(self._drawn.uniform, batch.settings)
+        field = batch.task.field(self._drawn.uniform, batch.settings) if self.has_forces else None
         if field is None:
             return np.zeros_like(hand)
         lengths = batch.settings.arm.link_length
@@ -238,10 +248,11 @@ class Evaluator:
         length = batch.settings.trial_length
         batch.start(np.arange(batch.n, dtype=np.int32), self._drawn.trials, self._drawn.noise)
         taken = [(field, field.take, _room(field, batch)) for field in fields if field.take is not None]
-        states = [(take, array) for field, take, array in taken if TIME in field.dims]
-        steps = [(take, array) for field, take, array in taken if STEP in field.dims and not field.before]
-        seen = [(take, array) for field, take, array in taken if STEP in field.dims and field.before]
         arrays = {field.name: array for field, _, array in taken}
+        states = [(take, array) for field, take, array in taken if TIME in field.dims]
+        changing = [one for one in taken if STEP in one[0].dims and not _stays(one[0], batch)]
+        steps = [(take, array) for field, take, array in changing if not field.before]
+        seen = [(take, array) for field, take, array in changing if field.before]
         for take, array in states:
             array[:, 0] = take(batch)
         for step in range(length):
@@ -263,10 +274,17 @@ class _Drawn(NamedTuple):
     noise: NDArray[np.float64] | None
 
 
+def _stays(field: Field, batch: TrialBatch) -> bool:
+    """Whether what is taken in every step is the same throughout the trials of this task."""
+    return (field == SEEN_TARGET and not batch.task.has_timeline) or (field == HAND_FORCE and not batch.task.has_forces)
+
+
 def _room(field: Field, batch: TrialBatch) -> Float32:
-    """Return an array for ``field``; where it neither has a time nor a step, already filled."""
+    """Return an array for ``field``; where it neither has a time nor a step, or stays as it is, already filled."""
     assert field.take is not None
     values, length = field.take(batch), batch.settings.trial_length
+    if _stays(field, batch):
+        return np.repeat(values[:, None], length, axis=1)
     if TIME not in field.dims and STEP not in field.dims:
         return values.copy()
     return np.empty((batch.n, length + (TIME in field.dims), *values.shape[1:]), dtype=values.dtype)
