@@ -132,7 +132,7 @@ def test_sigterm_stops_a_supervised_training_too(tmp_path, small_bptt):
 def test_a_killed_evaluation_leaves_the_old_table_or_the_new_one(tmp_path, run):
     table, output = tmp_path / "table.csv", tmp_path / "output"
     arguments = {"run": str(run.path), "trials": 2_000, "seed": 5, "deterministic": True, "weights": "final"}
-    arguments |= {"lesion": "intact", "task": None, "overrides": []}
+    arguments |= {"lesion": "intact", "task": None, "overrides": [], "by": None}
     arguments |= {"csv": table, "json_file": None, "console": Console(file=io.StringIO())}
     evaluate(**arguments)
     new = table.read_bytes()

@@ -25,7 +25,7 @@ def no_pictures(monkeypatch):
     monkeypatch.setattr(SummaryWriter, "add_figure", lambda *_, **__: None)
 
 
-NAMES = {"algo", "model", "task"}
+NAMES = {"algo", "model", "task", "experiment"}
 """What a training is of."""
 MACHINE = {"threads", "device", "track"}
 """What concerns the machine and who watches, and not the result."""
@@ -90,7 +90,7 @@ SHOWS = {
     },
     "bptt": {
         "seed": 1, "seeds": 2, "epochs": 3, "profile": "released", "network.units": 8, "network.layers": 3,
-        "frozen": "shared",
+        "network.hidden_noise": 0.1, "frozen": "shared",
         "trial": {"trial_length": 4}, "bptt.learning_rate": 0.01, "bptt.epsilon": 1e-3, "bptt.clip_norm": 1e-3,
         "bptt.batch_size": 2, "bptt.trials": 4, "bptt.validation_trials": 3, "bptt.penalty": "activity",
         "bptt.penalty_coefficient": 0.5,
@@ -112,9 +112,7 @@ def trained(algo, out, *layers):
 @pytest.mark.parametrize("algo", SMALL)
 def test_every_other_setting_shows_in_the_run(algo, tmp_path):
     told_elsewhere = {"blocks.every", "blocks.trials"}  # test_blocks.py
-    told_elsewhere |= (
-        {"seeds"} if algo == "ppo" else {"bptt.patience", "network.hidden_noise"}
-    )  # the latter once BPTT draws it
+    told_elsewhere |= {"seeds"} if algo == "ppo" else {"bptt.patience"}
     shown = {name for name in SHOWS[algo] if algo == "bptt" or name in SHARED | {"trial"}}
     expected = SHARED | {"trial"} if algo == "ppo" else settings_of("bptt").keys() - NAMES - MACHINE
     assert shown | told_elsewhere | {"init_from"} == expected, "say here what another value shows"
