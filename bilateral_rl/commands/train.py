@@ -17,7 +17,8 @@ from bilateral_rl.api.training import go_on, start
 from bilateral_rl.commands.training_report import measures_table, sides_line
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.experiment_files import experiment_named
+from bilateral_rl.envs.task_specs import PARADIGMS, TASK_SPECS
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.training.progress import Outcome
 from bilateral_rl.vocabulary import TEST_SEED, TEST_TRIALS
@@ -85,10 +86,16 @@ def _print_notes(outcome: Outcome, console: Console) -> None:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
 
 
+def _is_known_by_name(config: TrainConfig) -> bool:
+    """Whether ``--task`` and the task's name lead to it: a file of one's own needs its path, which a run forgets."""
+    experiment = config.experiment
+    return experiment is None or (config.task in PARADIGMS and experiment == experiment_named(config.task))
+
+
 def _next_training(config: TrainConfig, path: str, out: Path) -> str:
     """Suggest what to train next, into the same folder of runs."""
     into = "" if out == Path("runs") else f" --out {escape(shlex.quote(str(out)))}"
-    if config.algo == "bptt":
+    if config.algo == "bptt" and _is_known_by_name(config):
         same = f"--model {config.model} --task {config.task}"
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed}{into}"
     if config.task not in TASK_SPECS:

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,8 @@ import pytest
 import yaml
 
 from bilateral_rl.commands import app as cli
+from bilateral_rl.commands.train import _next_training
+from bilateral_rl.config.resolve import resolve
 from bilateral_rl.runs.folder import RunFolder
 
 SMALL = [
@@ -211,3 +214,16 @@ def test_a_training_that_fails_in_every_seed_is_one_clear_sentence(call, tmp_pat
     code, _, err = call("train", "--resume", RUN, "--epochs", 9)
     assert code == 2
     assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("task", "changes", "known"), [("center_out", {}, True), ("mine.yaml", {}, False),
+                                   ("curl_field", {"experiment": {"forces": {"curl": 3}}}, False)],
+)  # fmt: skip
+def test_what_is_suggested_next_can_be_typed(task, changes, known, tmp_path, monkeypatch):
+    """A run keeps an experiment of one's own, but not the path of its file."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("start: {hand: [0.0, 0.4]}\ntarget: {center_out: {}}\n")
+    config = resolve("bptt", task, [changes])
+    suggested = _next_training(config, "runs/a/b", Path("runs"))
+    assert suggested.startswith("bilateral-rl train --algo ppo" if known else "bilateral-rl record runs/a/b")
