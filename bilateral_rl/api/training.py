@@ -16,7 +16,7 @@ from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.code_tasks import allow_code, confirm_code
 from bilateral_rl.config.parse import Values, nested
-from bilateral_rl.config.resolve import resolve
+from bilateral_rl.config.resolve import check_penalty, resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.config.seeds import parse_seeds
 from bilateral_rl.config.tasks import TaskWords
@@ -129,7 +129,9 @@ def start(
     named = {name: value for name, value in chosen.items() if value is not None}
     if seeds is not None:
         named |= parse_seeds(seeds, "--seed" if "seed" in named else "").settings
-    config = resolve(algo, task, [*layers, nested(named)], model=model)
+    layers = [*layers, nested(named)]
+    config = resolve(algo, task, layers, model=model)
+    check_penalty(layers, config)
     return _run(training.prepare(config), out, progress)
 
 

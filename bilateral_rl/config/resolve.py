@@ -65,7 +65,6 @@ def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
         raise UserError(
             "blocks.trials are of tests along an adaptation, of which there are none: give blocks.every too."
         )
-    _check_penalty(layer, config)
     sac = layer.get("sac")
     if not isinstance(config, SACConfig) or config.sac.ent_coef is None or not isinstance(sac, Mapping):
         return
@@ -76,10 +75,17 @@ def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
             )
 
 
-def _check_penalty(layer: Mapping[str, Any], config: TrainConfig) -> None:
-    """Raise a UserError for a weight penalty that no loss of the model weighs; studies of many models have BPTT's."""
-    chosen = layer.get(config.algo)
-    if not isinstance(config, RLConfig) or not isinstance(chosen, Mapping) or not chosen.get("weight_penalty"):
+def check_penalty(layers: Sequence[Mapping[str, Any]], config: TrainConfig) -> None:
+    """Raise a UserError for a weight penalty that one of ``layers`` sets and the loss of the model weighs by 0.
+
+    It is asked where a single model is chosen: a study of many has one penalty for all, which some of them do without.
+    """
+    set_by_hand = any(
+        isinstance(chosen := layer.get(config.algo), Mapping) and chosen.get("weight_penalty")
+        for layer in layers
+        if not _is_whole(layer)
+    )
+    if not set_by_hand or not isinstance(config, RLConfig):
         return
     if not any(group_penalties(config.spec.loss, weights=config.trial.losses.penalties).values()):
         raise UserError(

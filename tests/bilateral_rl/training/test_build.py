@@ -14,7 +14,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import merge
-from bilateral_rl.config.resolve import from_values, resolve
+from bilateral_rl.config.resolve import check_penalty, from_values, resolve
 from bilateral_rl.config.schema import CONFIGS, RLConfig
 from bilateral_rl.envs import TASKS
 from bilateral_rl.io.errors import UserError
@@ -149,9 +149,11 @@ def test_a_penalty_that_weighs_nothing_in_the_models_loss_is_refused_where_it_is
     assert build_algorithm(by_default).weight_penalty == 0
     assert not [str(w.message) for w in recwarn if "weight_penalty" in str(w.message)]
     with pytest.raises(UserError, match=r"ppo\.weight_penalty has no effect on uni_dl, whose loss weighs it by 0"):
-        small("ppo", model="uni_dl", ppo={"weight_penalty": 0.1})
+        check_penalty([{"ppo": {"weight_penalty": 0.1}}], by_default)
     heavy = {"losses": {"dominant": {"penalty": 1.0}}}
-    assert build_algorithm(small("ppo", model="uni_dl", ppo={"weight_penalty": 0.1}, trial=heavy)).weight_penalty == 0.1
+    weighed = small("ppo", model="uni_dl", ppo={"weight_penalty": 0.1}, trial=heavy)
+    check_penalty([{"ppo": {"weight_penalty": 0.1}}], weighed)
+    assert build_algorithm(weighed).weight_penalty == 0.1
     from_values(by_default.to_values())  # a run that says so by default is read
 
 
