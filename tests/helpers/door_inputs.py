@@ -139,7 +139,7 @@ def timelines_and_forces(draw: Any, n: int) -> tuple[Any, Any]:
     steps = st.integers(-2, 9) | st.just(NEVER) | st.lists(st.integers(0, 9), min_size=n, max_size=n)
     for name in draw(st.lists(st.sampled_from([*shapes]), min_size=1, max_size=2)):
         kind = timeline if name in timeline else forces
-        shape, scale = (n, *shapes[name]), draw(st.sampled_from([2, 2, 2, 400]))
+        shape, scale = (n, *shapes[name]), draw(st.sampled_from([2, 2, 2, 200]))
         kind[name] = draw(steps | anything(shape, 0, 9) if name in ("go", "jump") else anything(shape, 0, scale))
     whole = st.sampled_from([Timeline(**timeline), Timeline(**timeline), None, (0, 0, 0), no_forces()])
     both = st.sampled_from([HandForces(**forces), HandForces(**forces), HandForces(**forces), None, "forces"])
