@@ -208,6 +208,20 @@ def test_blocks_are_drawn_into_the_folder_of_the_run_or_a_warning_says_why_not(a
     assert not [*folder.path.glob("adaptation.*")]
 
 
+@pytest.mark.parametrize("algo", ["bptt", "ppo"])
+def test_catch_and_channel_trials_are_learned_from_and_not_tested(algo, adapting, tmp_path):
+    tables = []
+    for shares in ({}, {"field_off_share": 0.3, "channel": {"share": 0.3}}):
+        values = {"experiment": {"forces": shares}} if shares else {}
+        config = adapting(**values) if algo == "bptt" else adapting_rl(algo, **values)
+        folder = train(config, tmp_path).folder
+        tables.append([row for row in table(folder) if row["block"] in ("0", "2")])
+    plain, mixed = tables
+    first = [row for row in plain if row["block"] == "0"]
+    assert first == [row for row in mixed if row["block"] == "0"], "the tests are the same"
+    assert plain != mixed, "and what is learned is not"
+
+
 def test_damaged_tables_are_refused(adapting, tmp_path):
     folder = train(adapting(epochs=1), tmp_path).folder
     text = (folder.path / BLOCKS).read_text()
