@@ -50,11 +50,9 @@ class Played:
 
     Args:
         commands: (n, T, 6), in each step of each trial.
-        like: whose place it takes.
     """
 
-    def __init__(self, commands: NDArray[np.float32], like: MotorPolicy) -> None:
-        self.motor_network = like.motor_network
+    def __init__(self, commands: NDArray[np.float32]) -> None:
         self._commands = iter(commands.swapaxes(0, 1))
 
     def predict(self, observation: NDArray[np.float32], deterministic: bool = True) -> tuple[NDArray[np.float32], None]:
@@ -132,7 +130,7 @@ def lesioned(networks: dict[str, MotorPolicy], config: TrainConfig) -> Iterator[
                 with policy.motor_network.lesioned(lesion):
                     yield {"network": network, "state": state, "condition": condition} | measured(tests.run(policy))
         silence = np.zeros((TRIALS, config.trial.trial_length, 6), dtype=np.float32)
-        undriven = tests.run(Played(silence, networks["before"]))  # type: ignore[arg-type]
+        undriven = tests.run(Played(silence))  # type: ignore[arg-type]
         yield {"network": "undriven", "state": "intact", "condition": condition} | measured(undriven)
 
 
@@ -170,7 +168,7 @@ def pushed(networks: dict[str, MotorPolicy], config: TrainConfig) -> Iterator[di
         for state, lesion in STATES.items():
             with policy.motor_network.lesioned(lesion):
                 plain, with_pulse = never.run(policy), always.run(policy)
-            played = always.run(Played(plain.excitation, policy))  # type: ignore[arg-type]
+            played = always.run(Played(plain.excitation))  # type: ignore[arg-type]
             row: dict[str, object] = {"network": network, "state": state}
             for name, record in (("closed", with_pulse), ("played", played)):
                 away = 100 * np.linalg.norm(record.hand - plain.hand, axis=2)  # (n, T + 1), cm

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -183,7 +184,9 @@ class Evaluator:
         Raises:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
-        noise = policy.motor_network.noise.of_trials(self._seeds)
+        # Anything that predicts may be tested, also a policy of stable-baselines3, which has no network of ours.
+        is_ours = isinstance(policy, MotorPolicy)
+        noise = policy.motor_network.noise.of_trials(self._seeds) if is_ours else contextlib.nullcontext()
         with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"), noise:
             arrays = self._record(policy, fields, deterministic)
         # A hand that was ever out of range has a return that is.
