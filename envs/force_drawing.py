@@ -33,7 +33,7 @@ class HandForceScene(NamedTuple):
     """(2, 2): force toward the origin by position of the hand (N/m)."""
 
     def channel(self) -> tuple[Points, Points] | None:
-        """Return a point on the axis of a channel, and its direction, (2,) each (m); None without one.
+        """Return the point of a channel's axis nearest to the shoulder (m) and its direction, (2,) each; None without one.
 
         Walls pull toward a line, and nothing else here has a stiffness across one line alone.
         """
@@ -47,14 +47,15 @@ class HandForceScene(NamedTuple):
         return across * (across @ self.offset) / stiff, along
 
 
-def draw_surroundings(canvas: Canvas, forces: HandForceScene, hand: Points) -> None:
-    """Draw what lies around the hand (2,): the walls of a channel, or the elastic field in faint arrows."""
+def draw_surroundings(canvas: Canvas, forces: HandForceScene, hand: Points, reach: float) -> None:
+    """Draw what lies around the hand (2,): the walls of a channel within ``reach`` (m), or the elastic field."""
     channel = forces.channel()
     if channel is not None:
         point, along = channel
+        half = np.sqrt(max(reach**2 - point @ point, 0.0))  # as the point of the axis that is nearest to the shoulder
         aside = 0.5 * _WALLS_APART * along[::-1] * (-1, 1)
         for side in (aside, -aside):
-            canvas.line(point + side + np.outer((-4 * canvas.half, 4 * canvas.half), along), FORCE, 1.5)
+            canvas.line(point + side + np.outer((-half, half), along), FORCE, 1.5)
     elif forces.position_gain.any():
         for place in hand + np.stack(np.meshgrid(_GRID, _GRID), axis=-1).reshape(-1, 2):
             arrow = FORCE_SCALE * (forces.offset - forces.position_gain @ place)

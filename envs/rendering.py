@@ -85,7 +85,7 @@ def draw(arm: ArmParameters, scene: Scene, size: int = 480) -> NDArray[np.uint8]
     joints = np.stack((_TRUNK, np.zeros(2), *elbow_and_hand(arm, angles)))
     canvas = Canvas(_half(arm), size, _background(arm, size))
     if scene.forces is not None:
-        draw_surroundings(canvas, scene.forces, joints[-1])
+        draw_surroundings(canvas, scene.forces, joints[-1], sum(arm.link_length))
     if scene.cue is not None:
         _draw_cue(canvas, scene.cue, scene.threshold)
     canvas.disc(scene.target, scene.threshold, _GOAL_FILL, _GOAL)

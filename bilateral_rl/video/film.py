@@ -74,9 +74,11 @@ class Performance:
     def _condition(self, trial: int) -> str:
         """Say what sets the trial apart, where trials are not all plain."""
         conditions = self.record.plan.condition
-        if (conditions == "null").all():
-            return ""
-        return f", {conditions[trial].replace('null', 'no force').replace('no_go', 'no cue').replace('+', ' + ')}"
+        if conditions[trial] != "null":
+            return f", {conditions[trial].replace('no_go', 'no cue').replace('+', ' + ')}"
+        others = {part for joined in set(conditions.tolist()) for part in joined.split("+")}
+        missing = [part for part in ("field", "jump", "pulse") if part in others]
+        return f", no {' or '.join(missing)}" if missing else ""
 
     def _forces(self, trial: int, step: int) -> HandForceScene | None:
         record, forces = self.record, self._affine

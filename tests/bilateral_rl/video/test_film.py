@@ -95,6 +95,17 @@ def test_a_scene_follows_cue_jump_and_forces(make_cued):
     assert take.scene(1, 4, "t").caption.splitlines()[1] == "t, no cue"
 
 
+@pytest.mark.parametrize(
+    ("other", "words"), [("field", ", no field"), ("jump", ", no jump"), ("field+pulse", ", no field or pulse"),
+                         ("channel", ""), ("null", "")],
+)  # fmt: skip
+def test_a_trial_without_what_others_have_says_so(make_record, other, words):
+    record = make_record(2)
+    plan = dataclasses.replace(record.plan, condition=np.array(["null", other]))
+    take = Performance("cc_s", dataclasses.replace(record, plan=plan), 0.05)
+    assert take.scene(0, 3, "t").caption.splitlines()[1] == f"t{words}"
+
+
 def test_the_goal_is_judged_from_the_cue_and_from_the_jump_on(make_cued):
     take = Performance("", make_cued(), 0.05)
     hold = [f"in the goal {k} of {k} steps" for k in range(3)]
