@@ -107,7 +107,7 @@ class Hemispheric(BaseAlgorithm):
         self.action_traces = checked_decays(action_traces)
         own = checked({"frozen": frozen, "penalty_weights": penalty_weights}, EVERY)
         self.frozen, self.penalty_weights = own["frozen"], own["penalty_weights"]
-        _warn_of_no_penalty(loss, weight_penalty, self.penalty_weights)
+        _warn_of_no_penalty(loss, weight_penalty, self.penalty_weights, stacklevel=4)
         critics_of = {"n_streams": len(stream_mix(loss)), "n_traces": len(self.action_traces)}
         policy_kwargs = critics_of | available(policy_kwargs or {})
         super().__init__(policy, env, policy_kwargs=policy_kwargs, **checked(sb3_arguments, self.CHECKS))
@@ -140,6 +140,8 @@ class Hemispheric(BaseAlgorithm):
                 raise error.__context__ from None
             raise
         model._tell_normalization()
+        if "weight_penalty" in kwargs:
+            _warn_of_no_penalty(model.loss, model.weight_penalty, model.penalty_weights, stacklevel=3)
         return model
 
     def set_parameters(
@@ -419,13 +421,13 @@ class Hemispheric(BaseAlgorithm):
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
 
 
-def _warn_of_no_penalty(loss: Loss, weight_penalty: float, weights: Sequence[float]) -> None:
+def _warn_of_no_penalty(loss: Loss, weight_penalty: float, weights: Sequence[float], stacklevel: int) -> None:
     """Warn of a penalty that no loss weighs; its default says nothing."""
     if weight_penalty not in (0.0, _USUAL_PENALTY) and not any(group_penalties(loss, None, weights).values()):
         warnings.warn(
             f"weight_penalty={weight_penalty:g} has no effect: the penalty weighs nothing in loss={loss!r} by "
             f"penalty_weights={tuple(weights)}; leave it out, or give weights.",
-            stacklevel=4,
+            stacklevel=stacklevel,
         )
 
 

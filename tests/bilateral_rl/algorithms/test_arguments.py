@@ -239,7 +239,7 @@ def test_what_another_argument_leaves_without_effect_is_refused():
 
 
 @each_algorithm
-def test_a_penalty_that_no_loss_weighs_warns(algorithm):
+def test_a_penalty_that_no_loss_weighs_warns(algorithm, tmp_path):
     for arguments in ({"loss": "dominant"}, {"penalty_weights": (0, 0)}):
         with pytest.warns(UserWarning, match=r"weight_penalty=0\.5 has no effect: the penalty weighs nothing"):
             make(algorithm, weight_penalty=0.5, **arguments)
@@ -247,6 +247,10 @@ def test_a_penalty_that_no_loss_weighs_warns(algorithm):
         warnings.simplefilter("error")
         for arguments in ({}, {"weight_penalty": 0.0}, {"weight_penalty": 0.5, "penalty_weights": (1, 0)}):
             make(algorithm, **{"loss": "dominant"} | arguments)
+        make(algorithm, loss="dominant").save(tmp_path / "model")
+        algorithm.load(tmp_path / "model")
+    with pytest.warns(UserWarning, match=r"weight_penalty=0\.5 has no effect"):
+        algorithm.load(tmp_path / "model", weight_penalty=0.5)
 
 
 @pytest.mark.parametrize("algorithm", OFF_POLICY)
