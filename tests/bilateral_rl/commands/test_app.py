@@ -103,7 +103,6 @@ MISTAKES = [
     (["train", "--out", "/proc/nothing", *SMALL], "--out"),
     (["train", "--algo", "bptt", "--timesteps", "1000"], "timesteps"),
     (["train", "--epochs", "2"], "epochs"),
-    (["train", "--algo", "bptt", "--set", "trial.motor_noise=0.1"], "--algo ppo"),
     (["train", "--algo", "bptt", "--init-from", "runs/none"], "no run runs/none"),
     (["train", "--algo", "bptt", "--init-from", "runs/none:3"], "no run runs/none"),
     (["evaluate", "runs/none:1"], "no run runs/none"),

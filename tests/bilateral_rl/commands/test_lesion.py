@@ -54,7 +54,7 @@ def lesioned(_trained_bptt, tmp_path_factory):
     before, console = files(run.path), Console(file=io.StringIO(), width=80)
     options = {"lesions": None, "control": True, "profile": None, "trials": 8, "seed": 7, "weights": "final"}
     retraining = {"retrain": None, "no_retrain": False, "settings": {}}
-    command.lesion(run=str(run.path), out=None, console=console, **retraining, **options)
+    command.lesion(run=str(run.path), task=None, out=None, console=console, **retraining, **options)
     place = run.path.with_name("cc_s-bptt-1-lesions")
     return SimpleNamespace(run=run, before=before, out=console.file.getvalue(), place=place)
 
