@@ -33,7 +33,7 @@ class HandForceScene(NamedTuple):
     """(2, 2): force toward the origin by position of the hand (N/m)."""
 
     def channel(self) -> tuple[Points, Points] | None:
-        """Return the point of a channel's axis nearest to the shoulder (m) and its direction, (2,) each; None without one.
+        """Return the point of a channel's axis nearest to the shoulder (m), and its direction, (2,) each, or None.
 
         Walls pull toward a line, and nothing else here has a stiffness across one line alone.
         """
@@ -52,7 +52,9 @@ def draw_surroundings(canvas: Canvas, forces: HandForceScene, hand: Points, reac
     channel = forces.channel()
     if channel is not None:
         point, along = channel
-        half = np.sqrt(max(reach**2 - point @ point, 0.0))  # as the point of the axis that is nearest to the shoulder
+        half = (
+            max(reach**2 - float(point @ point), 0.0) ** 0.5
+        )  # as the point of the axis that is nearest to the shoulder
         aside = 0.5 * _WALLS_APART * along[::-1] * (-1, 1)
         for side in (aside, -aside):
             canvas.line(point + side + np.outer((-half, half), along), FORCE, 1.5)

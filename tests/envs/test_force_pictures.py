@@ -96,9 +96,10 @@ def test_a_channel_is_two_lines_along_its_axis_wherever_it_lies():
         across = np.array((-np.sin(angle), np.cos(angle)))
         assert across @ (on_axis - point) == pytest.approx(0, abs=1e-6)
         walls = changed(picture(forces=forces), picture(forces=STILL))
-        places = [pixel(point + x * np.array((np.cos(angle), np.sin(angle)))) for x in np.linspace(-0.3, 0.3, 13)]
-        drawn = [walls[row - 6 : row + 7, column - 6 : column + 7].any() for row, column in places]
-        assert sum(drawn) >= 10  # the arm may lie above
+        places = [on_axis + x * np.array((np.cos(angle), np.sin(angle))) for x in np.linspace(-0.7, 0.7, 29)]
+        within = [np.linalg.norm(place) < sum(ARM.link_length) for place in places]
+        drawn = [walls[row - 6 : row + 7, column - 6 : column + 7].any() for row, column in map(pixel, places)]
+        assert sum(np.equal(drawn, within)) >= 26  # the arm may lie above
     assert STILL.channel() is None
     assert STILL._replace(position_gain=50 * np.eye(2), offset=np.ones(2)).channel() is None
     assert STILL._replace(position_gain=np.array([[30.0, 5.0], [-5.0, 20.0]])).channel() is None
