@@ -50,9 +50,9 @@ def check_stability(forces: HandForces, arm: ArmParameters) -> None:
     for row in map(_numbers, set(rows.view(np.dtype((np.void, 64))).ravel().tolist())):  # few differ
         if (growth := _growth(row, arm)) > MOST_GROWTH:
             raise ValueError(
-                f"velocity_gain {_matrix(row[:4])} with position_gain {_matrix(row[4:])} makes the hand swing "
-                f"{growth:.4g} times as wide every step through the time step of {arm.timestep:g} s alone, where "
-                f"{MOST_GROWTH:g} is the most: take smaller gains, more damping or a shorter timestep."
+                f"{_named(row)} makes the hand swing {growth:.4g} times as wide every step through the time step of "
+                f"{arm.timestep:g} s alone, where {MOST_GROWTH:g} is the most: take smaller gains, more damping or a "
+                "shorter timestep."
             )
 
 
@@ -128,5 +128,8 @@ def _numbers(row: bytes) -> tuple[float, ...]:
     return tuple(np.frombuffer(row).tolist())
 
 
-def _matrix(entries: tuple[float, ...]) -> str:
-    return "[[{:g}, {:g}], [{:g}, {:g}]]".format(*entries)
+def _named(row: tuple[float, ...]) -> str:
+    """Return the gains of a field that are not 0, in words."""
+    gains = {"velocity_gain": row[:4], "position_gain": row[4:]}
+    words = "{} [[{:g}, {:g}], [{:g}, {:g}]]"
+    return " with ".join(words.format(name, *(e + 0.0 for e in gain)) for name, gain in gains.items() if any(gain))
