@@ -33,7 +33,7 @@ class ExperimentError(UserError, ValueError):
 
 
 def experiment_from_file(path: str | PathLike[str]) -> Experiment:
-    """Read an experiment from a YAML file.
+    """Read an experiment from a YAML file, or from the ``config.yaml`` of a run that learned one.
 
     Raises:
         ExperimentError: the file cannot be read, or holds no experiment that its arm and trials allow.
@@ -121,6 +121,8 @@ def _read(text: str, name: str, source: str) -> tuple[Experiment, TrialSettings,
     if not isinstance(values, Mapping):
         kind = "is empty" if values is None else f"holds {shown(values)}"
         raise ExperimentError(f"{source}, line 1: it {kind}, and an experiment needs start and target by name.")
+    if isinstance(values.get("experiment"), Mapping):  # the configuration of a run
+        values, lines = values["experiment"], lines.within("experiment")
     experiment = _built(Experiment, {"name": name, **values}, lines, source)
     settings = _built(_TrialSection, {"trial": experiment.trial}, lines, source).trial
     return experiment, settings, lines

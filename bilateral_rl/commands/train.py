@@ -15,6 +15,7 @@ from bilateral_rl.analysis.modulation import side_modulations
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.training import go_on, start
 from bilateral_rl.commands.training_report import measures_table, sides_line
+from bilateral_rl.config.code_tasks import is_code
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.experiment_files import experiment_named
@@ -72,10 +73,11 @@ def _report(outcome: Outcome, console: Console, session: str = "") -> None:
         console.print(sides_line(modulations), highlight=False, soft_wrap=True)
     _print_notes(outcome, console)
     console.print(f"Saved in [bold]{path}[/bold]. Next:", soft_wrap=True)
-    console.print(f"  bilateral-rl evaluate {path}", soft_wrap=True, highlight=False)
+    named = f"{path} --task {config.task}" if is_code(config.task) else path
+    console.print(f"  bilateral-rl evaluate {named}", soft_wrap=True, highlight=False)
     if config.spec.architecture != "unilateral":
-        console.print(f"  bilateral-rl lesion {path}", soft_wrap=True, highlight=False)
-    console.print(f"  bilateral-rl render {path}", soft_wrap=True, highlight=False)
+        console.print(f"  bilateral-rl lesion {named}", soft_wrap=True, highlight=False)
+    console.print(f"  bilateral-rl render {named}", soft_wrap=True, highlight=False)
     out = outcome.folder.path.parent.parent
     console.print(f"  tensorboard --logdir {escape(shlex.quote(str(out)))}", soft_wrap=True, highlight=False)
     console.print(f"  {_next_training(config, path, out)}", soft_wrap=True, highlight=False)
@@ -95,10 +97,12 @@ def _is_known_by_name(config: TrainConfig) -> bool:
 def _next_training(config: TrainConfig, path: str, out: Path) -> str:
     """Suggest what to train next, into the same folder of runs."""
     into = "" if out == Path("runs") else f" --out {escape(shlex.quote(str(out)))}"
-    if config.algo == "bptt" and _is_known_by_name(config):
-        same = f"--model {config.model} --task {config.task}"
+    if config.algo == "bptt":
+        task = config.task if _is_known_by_name(config) else f"{path}/config.yaml"
+        same = f"--model {config.model} --task {task}"
         return f"bilateral-rl train --algo ppo {same} --init-from {path}:{config.seed}{into}"
     if config.task not in TASK_SPECS:
-        return f"bilateral-rl record {path} --out trials.csv"
+        code = f" --task {config.task}" if is_code(config.task) else ""
+        return f"bilateral-rl record {path} --out trials.csv{code}"
     other = next(task for task in TASK_SPECS if task != config.task)
     return f"bilateral-rl train --model {config.model} --task {other}{into}"

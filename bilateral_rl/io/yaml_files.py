@@ -68,6 +68,12 @@ class Lines:
             path = path[:-1]
         return self._lines.get(tuple(path), 1)
 
+    def within(self, name: str) -> Lines:
+        """Return the lines of what stands within one setting at the top."""
+        inner = Lines()
+        inner._lines = {path[1:]: line for path, line in self._lines.items() if path[0] == name}
+        return inner
+
     def note(self, path: tuple[str | int, ...], node: yaml.Node) -> None:
         """Note where a node and all in it stand. Raises ValueError for a name that is there twice."""
         if isinstance(node, yaml.SequenceNode):

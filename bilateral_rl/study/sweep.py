@@ -14,9 +14,10 @@ import pandas as pd
 
 from bilateral_rl.analysis.results import TREATMENT
 from bilateral_rl.config.code_tasks import is_allowed
-from bilateral_rl.config.parse import Values, merge, parse_overrides
+from bilateral_rl.config.parse import Values, merge, parse_overrides, plain_values
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.experiment_files import find_experiment, is_file
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.outcome import read_result
@@ -77,7 +78,13 @@ class Sweep:
     def to_values(self) -> Values:
         """The contents of ``study.yaml``."""
         grid = {name: list(values) for name, values in self.grid.items()}
-        return {"sweep": grid, "algo": self.algo, "overrides": self.overrides, "trials": self.trials}
+        values = {"sweep": grid, "algo": self.algo, "overrides": self.overrides, "trials": self.trials}
+        return values | ({"experiments": experiments} if (experiments := self._experiments()) else {})
+
+    def _experiments(self) -> Values:
+        """What the experiments are whose files are tasks, so that with another content it is another sweep."""
+        tasks = [*self.grid.get("task", ()), self.overrides.get("task", "")]
+        return {task: plain_values(find_experiment(task)) for task in tasks if isinstance(task, str) and is_file(task)}
 
     def _job(self, point: Mapping[str, str], config: TrainConfig, threads: int) -> Job:
         name, result = point_name(point), result_file(point)

@@ -3,7 +3,9 @@
 import dataclasses
 
 import pytest
+import yaml
 
+from bilateral_rl.config.parse import plain
 from bilateral_rl.envs import Experiment, ExperimentError, experiment_from_file, experiment_named
 from bilateral_rl.envs.experiment_files import find_experiment, paradigms
 from bilateral_rl.envs.task_specs import ALIASES, PARADIGMS
@@ -180,6 +182,16 @@ def test_a_file_has_its_name_and_short_forms_become_the_long_ones(tmp_path):
     assert Experiment(**dataclasses.asdict(experiment)) == experiment
     path.write_text("name: other\n" + GOOD)
     assert dataclasses.replace(experiment_from_file(str(path)), name="mine") == experiment
+
+
+def test_the_configuration_of_a_run_is_a_file_of_its_experiment(tmp_path):
+    path = tmp_path / "config.yaml"
+    inner = dataclasses.asdict(experiment_named("target_jump"))
+    path.write_text(yaml.safe_dump(plain({"algo": "ppo", "task": "target_jump", "experiment": inner})))
+    assert experiment_from_file(path) == experiment_named("target_jump")
+    path.write_text("algo: ppo\nexperiment:\n  name: mine\n  start: {hand: [0, 0.4]}\n  target: {hand: [0, 0.9]}\n")
+    with pytest.raises(ExperimentError, match=r"config\.yaml, line 5: target\.hand: the position"):
+        experiment_from_file(path)
 
 
 def test_the_paradigms_that_ship_are_known_by_name_and_say_where_they_come_from():
