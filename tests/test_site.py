@@ -7,6 +7,7 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
+import experiments_page
 import notebook_page
 import options_page
 import pytest
@@ -22,7 +23,9 @@ DOCS = ROOT / "docs"
 
 
 @pytest.mark.parametrize(
-    "script", [notebook_page, settings_page, options_page, recordings_page], ids=lambda script: script.__name__
+    "script",
+    [notebook_page, settings_page, experiments_page, options_page, recordings_page],
+    ids=lambda script: script.__name__,
 )
 def test_a_generated_page_says_what_the_code_says(script):
     told = f"run python docs/scripts/{script.__name__}.py, and look at what changed"

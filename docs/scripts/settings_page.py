@@ -41,7 +41,7 @@ SECTIONS = {
 }
 UNITS = (
     "steps", "trials", "epochs", "updates", "m", "rad", "kg", "kg m²", "N", "s", "m/rad", "m/rad²", "nats",
-    "optimal lengths", "optimal lengths/s", "1/s",
+    "optimal lengths", "optimal lengths/s", "1/s", "N/m", "N·s/m", "degrees",
 )  # fmt: skip
 """What counts as a unit when it stands in parentheses in a description."""
 _NAMED: dict[str, Iterable[str]] = {"algo": CONFIGS, "model": MODELS, "task": (*TASK_SPECS, *PARADIGMS)}
