@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass
 
 from bilateral_rl.envs.experiment_numbers import (
+    LONGEST_LIST,
     Count,
     Grid,
     Matrix,
@@ -65,6 +66,10 @@ class Region:
             raise ValueError("a region is either a box, of low and high, or a disk, of center and radius")
         if self.grid is not None and self.low is None:
             raise ValueError("a grid needs a box, of low and high")
+        if self.grid is not None and self.grid[0] * self.grid[1] > LONGEST_LIST:
+            raise ValueError(
+                f"grid must not have more than {LONGEST_LIST:,} points, got {self.grid[0] * self.grid[1]:,}"
+            )
         if self.low is not None and self.high is not None:
             for low, high in zip(self.low, self.high, strict=True):
                 if low > high:

@@ -15,6 +15,8 @@ from bilateral_rl.envs.tasks import HandForces
 
 _APART = 1e-6
 """Positions that are nearer to each other count as one (m)."""
+_MOST_PLACES = 10**6
+"""Of listed places, far beyond use: each of them is tried."""
 
 
 class UnfitExperimentError(ValueError):
@@ -105,6 +107,10 @@ def _check_targets(
         raise UnfitExperimentError(
             "timeline.jump.offset",
             "needs targets that are listed, as one that is drawn from a region may jump out of reach: give a target",
+        )
+    elif len(targets) * len(jump.offset or ()) > _MOST_PLACES:
+        raise UnfitExperimentError(
+            "timeline.jump.offset", f"makes more than {_MOST_PLACES:,} places of all targets: give fewer"
         )
     else:
         elbow = "positive" if isinstance(experiment.target, str) else experiment.target.elbow

@@ -14,6 +14,7 @@ import yaml
 
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.envs.experiment_files import is_file
 from bilateral_rl.io import files, locks
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
@@ -124,6 +125,11 @@ class RunFolder:
     def config(self) -> TrainConfig:
         """Read the resolved configuration. Raises UserError if it is damaged."""
         values = read_settings(self.path / "config.yaml", within=self.path)
+        task = values.get("task")
+        if isinstance(task, str) and is_file(task) and not values.get("experiment"):  # which may lie anywhere
+            raise UserError(
+                f"{self.path / 'config.yaml'} describes no training: its task is the file of an experiment."
+            )
         try:
             return resolve(None, None, [values])
         except UserError as error:

@@ -96,6 +96,17 @@ BROKEN = {
     "the other elbow": ("start: {hand: [0, 0.4], elbow: negative}\n" + TARGET, 1, "with a negative elbow"),
     "half a box": (START + "target: {hand: {low: [0, 0.3]}}\n", 2, "a box needs both low and high"),
     "a box upside down": (START + "target: {hand: {low: [0, 0.4], high: [0.1, 0.3]}}\n", 2, "low must not be above hi"),
+    "a grid of too many": (
+        START + "target: {hand: {low: [0, 0.3], high: [0.1, 0.4], grid: [100, 100]}}\n",
+        2,
+        "must not have more than 1,000 points, got 10,000",
+    ),
+    "places beyond count": (
+        "start: {hand: {low: [0, 0.3], high: [0.1, 0.4], grid: [30, 30]}}\n"
+        "target: {center_out: {number: 900, radius: 0.01}}\ntimeline:\n  jump: {at: 1, offset: [[0, 0], [0, 0.01]]}\n",
+        4,
+        "timeline.jump.offset: makes more than 1,000,000 places",
+    ),
     "two places in one": ("start: {hand: [0, 0.4], joints: uniform}\n" + TARGET, 1, "exactly one of joints, hand and"),
     "center-out around anything": ("start: {joints: uniform}\n" + TARGET, 2, "target.center_out: needs a start"),
     "a start around itself": ("start: {center_out: {}}\ntarget: start\n", 1, "start.center_out.center must be given"),

@@ -206,6 +206,8 @@ def test_any_experiment_is_an_environment_of_gymnasiums(tmp_path):
         assert (batch.reset(seed=1)[0][0] == observation).all()
         batch.close()
     assert env.unwrapped.batch.task.experiment == experiment_named("center_out")
+    with pytest.raises(ValueError, match=r"Unknown task ''; choose from .*, or give the \.yaml file of an experiment"):
+        gymnasium.make("bilateral_rl/Experiment-v0")
 
 
 def test_a_task_of_an_experiment_survives_pickling_and_says_what_its_trials_have():

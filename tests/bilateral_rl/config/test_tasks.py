@@ -15,6 +15,7 @@ from bilateral_rl.envs import Experiment, experiment_named
 from bilateral_rl.envs.experiment_task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
+from bilateral_rl.runs.folder import RunFolder
 
 MINE = """\
 start: {hand: [0.0, 0.4]}
@@ -180,6 +181,12 @@ def test_a_class_that_is_no_task_is_refused(named, task, sentence):
     with pytest.raises(UserError) as error:
         resolve("ppo", task).make_task()
     assert str(error.value).startswith(sentence)
+
+
+def test_the_run_of_a_stranger_reads_no_file_of_an_experiment_beside_it(mine, tmp_path):
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"algo": "ppo", "model": "cc_s", "task": mine}))
+    with pytest.raises(UserError, match="its task is the file of an experiment"):
+        RunFolder(tmp_path).config()
 
 
 def test_reading_the_configuration_of_a_stranger_runs_no_code(named, tmp_path):
