@@ -25,7 +25,8 @@ from bilateral_rl.analysis.intervals import difference_interval
 from bilateral_rl.analysis.metrics import find_metric, measure
 from bilateral_rl.analysis.specialization import ALONE
 from bilateral_rl.analysis.statistics import holm, paired_test
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.experiment import Experiment

@@ -11,7 +11,8 @@ from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.analysis.modulation import side_modulation
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import FRESH, TRAINED
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.runs.folder import RunFolder

@@ -10,7 +10,8 @@ from stable_baselines3 import SAC, TD3
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.hyperparameters import OffPolicyHyperparameters
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv

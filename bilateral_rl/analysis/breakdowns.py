@@ -13,7 +13,7 @@ from bilateral_rl.analysis.metric import Metric, mean
 from bilateral_rl.analysis.metrics import measure
 from bilateral_rl.analysis.trial_parts import chosen
 from bilateral_rl.analysis.trial_plans import CONDITIONS, NULL_FIELD
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.io.errors import UserError
 
 BREAKDOWNS = ("target", "condition", "phase")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from bilateral_rl.analysis import channels, responses
 from bilateral_rl.analysis.metric import GoalMetric, Metric, mean
 from bilateral_rl.analysis.trial_parts import chosen, over_reaches, since
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 
 Float64 = NDArray[np.float64]
 _CUE, _JUMP, _PULSE, _CHANNEL = ("cue",), ("jump",), ("pulse",), ("channel",)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
 from bilateral_rl.analysis.trial_parts import chosen
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 
 Better = Literal["higher", "lower"] | None
 IN = "_in_"

@@ -20,7 +20,7 @@ from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
 from bilateral_rl.analysis.metric import IN, Better, GoalMetric, Metric, mean
 from bilateral_rl.analysis.trial_parts import cued, over_reaches
 from bilateral_rl.analysis.trial_plans import CONDITIONS
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.tasks import Task, TaskLike, make_task
 from bilateral_rl.io.errors import UserError
 

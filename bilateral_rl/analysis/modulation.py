@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies.networks import BilateralNetwork, MotorNetwork
 from bilateral_rl.vocabulary import SIDES, Side

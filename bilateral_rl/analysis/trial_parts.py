@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.analysis.trial_plans import TrialPlan
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.tasks import HandForces
 
 _PER_STEP = ("seen_target", "force", "field_force", "distance", "observation", "excitation", "activation")

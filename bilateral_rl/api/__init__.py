@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bilateral_rl.analysis.recording import Recording
-    from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+    from bilateral_rl.analysis.trial_records import TrialRecord
+    from bilateral_rl.analysis.trials import Evaluator
     from bilateral_rl.api.comparison import Comparison, compare
     from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs

@@ -13,7 +13,8 @@ from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.metric import Metric
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.modulation import SideModulation, side_modulations
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord, summaries
+from bilateral_rl.analysis.trial_records import TrialRecord, summaries
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.checks import check_tests, flag
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.schema import TrainConfig

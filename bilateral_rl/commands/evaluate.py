@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from bilateral_rl.analysis.breakdowns import check_breakdown
-from bilateral_rl.analysis.trials import TrialRecord, summaries
+from bilateral_rl.analysis.trial_records import TrialRecord, summaries
 from bilateral_rl.api import evaluation as api
 from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.parts_table import parts_table

@@ -11,7 +11,7 @@ from rich.table import Table
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.goals import in_centimeters
 from bilateral_rl.analysis.modulation import SideModulation
-from bilateral_rl.analysis.trials import TrialRecord, summaries
+from bilateral_rl.analysis.trial_records import TrialRecord, summaries
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.vocabulary import SIDES
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.figures.style import INK, LABEL_SIZE, WIDTH, new_figure, set_note, set_title, style_axes
 
 Floating = NDArray[np.floating]

@@ -12,7 +12,8 @@ from bilateral_rl.analysis.comparison import compare
 from bilateral_rl.analysis.metrics import find_metric, metric_name, preferred_metric
 from bilateral_rl.analysis.modulation import Contributions, contributions
 from bilateral_rl.analysis.results import protocol_words, protocols_in
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.figures.curves import FINAL_ERROR, PREFERRED, VALIDATION_LOSS, learning_curves

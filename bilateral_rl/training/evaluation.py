@@ -8,7 +8,8 @@ from stable_baselines3.common.logger import Logger
 from torch import Tensor
 
 from bilateral_rl.analysis.modulation import TAGS, SideModulation, side_modulation
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.figures import hand_paths
 from bilateral_rl.io.tensors import Tensors

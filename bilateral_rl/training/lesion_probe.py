@@ -14,7 +14,8 @@ from bilateral_rl.analysis.floor import AT_FLOOR, is_above
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.analysis.results import FRESH, TRAINED
 from bilateral_rl.analysis.specialization import ALONE, specialization_index
-from bilateral_rl.analysis.trials import Evaluator, TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.schema import EvaluationConfig, RLConfig
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import TaskLike, make_task

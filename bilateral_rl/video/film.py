@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.canvas import tile
 from bilateral_rl.envs.force_drawing import HandForceScene
 from bilateral_rl.envs.forces import AffineForces, affine_forces

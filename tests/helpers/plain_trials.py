@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from bilateral_rl.analysis.trial_plans import TrialPlan
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.tasks import NEVER
 

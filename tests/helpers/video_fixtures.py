@@ -9,7 +9,7 @@ import pytest
 from plain_trials import without_forces
 from rich.console import Console
 
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.commands.render import render
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.training.run import train

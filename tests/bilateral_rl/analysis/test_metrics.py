@@ -14,7 +14,7 @@ from bilateral_rl.analysis.metrics import (
     metrics_of,
     preferred_metric,
 )
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.tasks import TASKS
 from bilateral_rl.io.errors import UserError

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from bilateral_rl.analysis.trials import Evaluator, summaries
+from bilateral_rl.analysis.trial_records import summaries
+from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.envs import ArmEnv, TrialSettings
 from bilateral_rl.runs.policies import build_policy
 

@@ -6,7 +6,7 @@ from plain_trials import without_forces
 from treatments import treated
 
 from bilateral_rl.analysis.results import COLUMNS
-from bilateral_rl.analysis.trials import TrialRecord
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.figures.curves import HistoryColumn
 
