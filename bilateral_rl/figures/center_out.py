@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,17 +56,23 @@ class Reaches:
         return np.asarray(order.argsort()[numbers], dtype=np.intp)
 
 
-def reaches_by_force(record: TrialRecord) -> dict[str, Reaches]:
-    """Return the reaches of a record by the force on the hand, such as "field", "channel" and "null".
+def reaches_of(record: TrialRecord) -> Reaches:
+    """Return the reaches of a record: its trials but for those without a cue, which reach for nothing."""
+    return _chosen(record, ~record.plan.has("no_go"))
 
-    Trials without a cue reach for nothing and are left out.
-    """
+
+def reaches_by_force(record: TrialRecord) -> dict[str, Reaches]:
+    """Return :func:`reaches_of` a record by the force on the hand, such as "field", "channel" and "null"."""
     plan = record.plan
     parts = [[part for part in joined.split("+") if part in _FORCES] for joined in plan.condition]
     words = np.array(["+".join(of_trial) or "null" for of_trial in parts])
     comes = ~plan.has("no_go")
     rows = {name: comes & (words == name) for name in dict.fromkeys(words.tolist())}
-    return {name: Reaches(record.hand[of], record.target[of], plan.goal[of]) for name, of in rows.items() if of.any()}
+    return {name: _chosen(record, of) for name, of in rows.items() if of.any()}
+
+
+def _chosen(record: TrialRecord, rows: NDArray[np.bool_]) -> Reaches:
+    return Reaches(record.hand[rows], record.target[rows], record.plan.goal[rows])
 
 
 def has_few_targets(reaches: Reaches) -> bool:
@@ -90,8 +96,11 @@ def center_out(conditions: Mapping[str, Reaches], radius: float, title: str) -> 
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axes in panels.flat[len(conditions) :]:
         axes.set_visible(False)
+    numbers = _joined(conditions.values()).target_numbers()
+    ends = np.cumsum([len(reaches.hand) for reaches in conditions.values()])
+    own = np.split(numbers, ends[:-1])  # of all, so that a target has one hue in all panels
     for i, (axes, (words, reaches)) in enumerate(zip(panels.flat, conditions.items(), strict=False)):
-        draw_center_out(axes, reaches, radius)
+        _draw(axes, reaches, radius, own[i], int(numbers.max(initial=0)) + 1)
         axes.set_title(words, fontsize=LABEL_SIZE)
         axes.set_ylabel("Hand y (cm)" * (i % columns == 0))
         is_lowest = i + columns >= len(conditions)
@@ -112,12 +121,25 @@ def draw_center_out(axes: Axes, reaches: Reaches, radius: float) -> None:
         reaches: the trials.
         radius: radius of the goal (m).
     """
+    numbers = reaches.target_numbers()
+    _draw(axes, reaches, radius, numbers, int(numbers.max(initial=0)) + 1)
+
+
+def _joined(conditions: Iterable[Reaches]) -> Reaches:
+    """Return the starts and targets of several conditions as one."""
+    parts = [
+        (one.hand[:, :1], one.target, one.target if one.first_target is None else one.first_target)
+        for one in conditions
+    ]
+    return Reaches(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+def _draw(axes: Axes, reaches: Reaches, radius: float, numbers: NDArray[np.intp], n_hues: int) -> None:
     from seaborn import husl_palette  # slow to import, and trainings that draw other paths do without
 
     start = reaches.hand[:, :1]
     paths, goals = 100 * (reaches.hand - start), 100 * (reaches.target - start[:, 0])
-    numbers = reaches.target_numbers()
-    hues = husl_palette(int(numbers.max(initial=0)) + 1, s=0.85, l=0.55)
+    hues = husl_palette(n_hues, s=0.85, l=0.55)
     for number, color in enumerate(hues):
         of_target = numbers == number
         if of_target.any():

@@ -12,7 +12,7 @@ from bilateral_rl.analysis.kinematics import hand_speed
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures.bands import BANDS_NOTE, draw_band
-from bilateral_rl.figures.center_out import center_out, has_few_targets, reaches_by_force
+from bilateral_rl.figures.center_out import center_out, has_few_targets, reaches_by_force, reaches_of
 from bilateral_rl.figures.labels import model_label
 from bilateral_rl.figures.recordings import draw_paths
 from bilateral_rl.figures.style import (
@@ -42,8 +42,8 @@ def hand_paths(record: TrialRecord, radius: float, reach: float, n_trials: int =
         reach: length of the stretched arm (m).
         n_trials: how many trials to draw.
     """
-    conditions = reaches_by_force(record)
-    if conditions and all(map(has_few_targets, conditions.values())):
+    if has_few_targets(reaches_of(record)):
+        conditions = reaches_by_force(record)
         if [*conditions] == ["null"]:
             conditions = {"": conditions["null"]}  # a word for nothing, where there is nothing else
         return center_out(conditions, radius, f"Hand paths of {len(record.hand)} trials")

@@ -33,6 +33,8 @@ _BLOCKS = "blocks."
 """Prefix, in the state, of the blocks' part."""
 FIGURE_TRIALS = 12
 """Number of hand paths drawn at the end, for each seed."""
+_FIGURE_REACHES = 64
+"""The same where all reach for a few targets, each of which is to come several times."""
 
 
 class SupervisedLearner(Learner):
@@ -164,7 +166,7 @@ class SupervisedLearner(Learner):
     def finish(self) -> None:
         """Draw hand paths of what each seed does now."""
         trial = self._config.trial
-        evaluator = Evaluator(self._config.make_task(), trial, FIGURE_TRIALS, EvaluationConfig().seed)
+        evaluator = Evaluator(self._config.make_task(), trial, _FIGURE_REACHES, EvaluationConfig().seed)
         for seed, policy in self.policies().items():
             figure = hand_paths(evaluator.run(policy), trial.threshold, sum(trial.arm.link_length), FIGURE_TRIALS)
             self._board.draw(seed, self._state.epoch, figure)

@@ -101,6 +101,14 @@ def test_conditions_stand_side_by_side_in_the_same_measure(make_reaches, assert_
     assert assert_texts_are_apart(figure) > 5
 
 
+def test_a_target_has_one_hue_in_all_panels(make_reaches, artists):
+    four, two = make_reaches(n=8, n_targets=4), make_reaches(n=4, n_targets=2)
+    first, second = center_out({"null": four, "field": two}, 0.01, "Center-out").axes
+    hues = [line.get_color() for line in artists(first, "mean")]
+    assert len(set(hues)) == 4
+    assert [line.get_color() for line in artists(second, "mean")] == [hues[0], hues[2]]
+
+
 def test_reaches_are_told_apart_by_the_force_and_those_without_a_cue_are_none(make_record):
     hand = np.cumsum(np.full((6, 11, 2), 0.01), axis=1)
     record = make_record(6, hand=hand, target=np.tile(hand[0, 10], (6, 1)))
@@ -131,5 +139,8 @@ def test_hand_paths_of_an_experiment_are_drawn_around_the_start_and_others_as_ev
     plan = dataclasses.replace(record.plan, condition=names, goal=reaches.target)
     few = dataclasses.replace(record, plan=dataclasses.replace(plan, condition=np.full(16, "null")))
     assert [axes.get_title() for axes in hand_paths(few, 0.05, 0.642).axes] == [""]
-    once_each = hand_paths(dataclasses.replace(record, plan=plan), 0.05, 0.642)
-    assert [axes.get_title() for axes in once_each.axes] == ["Hand paths of 12 trials"]
+    by_force = hand_paths(dataclasses.replace(record, plan=plan), 0.05, 0.642)
+    assert [axes.get_title() for axes in by_force.axes] == ["field", "null"]
+    once_each = make_reaches(n=8)
+    plain = hand_paths(make_record(8, steps=20, hand=once_each.hand, target=once_each.target), 0.05, 0.642)
+    assert [axes.get_title() for axes in plain.axes] == ["Hand paths of 8 trials"]
