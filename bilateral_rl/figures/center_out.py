@@ -39,7 +39,8 @@ class Reaches:
     def target_numbers(self) -> NDArray[np.intp]:
         """Return the number of each trial's target (n,), counted from 0 by direction and distance from the start.
 
-        A target that another one jumped to is not the same as one that was there at once.
+        A target that another one jumped to is not the same as one that was there at once. Where there are more than
+        :data:`MOST_TARGETS`, the rest count as one: thousands of random targets would take seconds to tell apart.
         """
         start = self.hand[:, 0]
         first = self.target if self.first_target is None else self.first_target
@@ -48,7 +49,8 @@ class Reaches:
         found: list[Floating] = []
         while (numbers < 0).any():
             one = offsets[numbers.argmin()]
-            numbers[(numbers < 0) & (np.abs(offsets - one).max(axis=1) < _SAME_TARGET)] = len(found)
+            alike = (np.abs(offsets - one).max(axis=1) < _SAME_TARGET) | (len(found) == MOST_TARGETS)
+            numbers[(numbers < 0) & alike] = len(found)
             found.append(one)
         x, y, first_x, first_y = np.reshape(found, (-1, 4)).T
         direction, first_direction = (np.arctan2(b, a).round(3) % (2 * np.pi) for a, b in ((x, y), (first_x, first_y)))

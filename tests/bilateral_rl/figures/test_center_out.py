@@ -1,6 +1,7 @@
 """Reaches around the start: which trials belong together, and what is drawn of them."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
@@ -60,6 +61,13 @@ def test_few_targets_are_several_that_trials_repeat(make_reaches):
     assert not has_few_targets(make_reaches(n=8, distance=0.0))  # a hold
     assert not has_few_targets(make_reaches(n=2 * MOST_TARGETS + 2, n_targets=MOST_TARGETS + 1))
     assert not has_few_targets(make_reaches(n=0))
+
+
+def test_a_multitude_of_targets_is_not_told_apart_one_by_one(make_reaches):
+    reaches = make_reaches(n=3000, n_targets=3000)
+    began = time.process_time()
+    assert reaches.target_numbers().max() == MOST_TARGETS
+    assert time.process_time() - began < 0.5
 
 
 def test_each_trial_and_the_mean_over_those_to_a_target_are_drawn_from_the_start_in_centimeters(
