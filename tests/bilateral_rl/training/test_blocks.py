@@ -109,7 +109,7 @@ def test_an_epoch_that_no_block_ends_with_is_tested_at_the_end(adapting, tmp_pat
     assert sorted({int(row["done"]) for row in table(folder)}) == [0, 5, 10, 12]
 
 
-@pytest.mark.parametrize("algo", ["bptt", "ppo", "sac"])
+@pytest.mark.parametrize("algo", ["bptt", "td3"])
 def test_tests_do_not_change_what_is_learned(algo, adapting, tmp_path, same_bits):
     ends = []
     for every in (160, 0):
@@ -208,13 +208,11 @@ def test_blocks_are_drawn_into_the_folder_of_the_run_or_a_warning_says_why_not(a
     assert not [*folder.path.glob("adaptation.*")]
 
 
-@pytest.mark.parametrize("algo", ["bptt", "ppo"])
-def test_catch_and_channel_trials_are_learned_from_and_not_tested(algo, adapting, tmp_path):
+def test_catch_and_channel_trials_are_learned_from_and_not_tested(adapting, tmp_path):
     tables = []
     for shares in ({}, {"field_off_share": 0.3, "channel": {"share": 0.3}}):
         values = {"experiment": {"forces": shares}} if shares else {}
-        config = adapting(**values) if algo == "bptt" else adapting_rl(algo, **values)
-        folder = train(config, tmp_path).folder
+        folder = train(adapting(**values), tmp_path).folder
         tables.append([row for row in table(folder) if row["block"] in ("0", "2")])
     plain, mixed = tables
     first = [row for row in plain if row["block"] == "0"]

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from hemispheric_models import ALGORITHMS as CLASSES
-from hemispheric_models import arm, changed, make_model, names_by_group, weights
-from rl_runs import ALGORITHMS, small_rl
+from hemispheric_models import ALGORITHMS, arm, changed, make_model, names_by_group, weights
+from rl_runs import small_rl
 from supervised_runs import Watch, with_values
 
 from bilateral_rl.config.resolve import resolve
@@ -48,8 +47,17 @@ def names_of_network(model):
     return {name for name, p in model.policy.named_parameters() if id(p) in network}
 
 
-@pytest.mark.parametrize("frozen", [["dominant"], ["non_dominant", "shared"]])
-@pytest.mark.parametrize("algo", ["bptt", *ALGORITHMS])
+@pytest.mark.parametrize(
+    ("algo", "frozen"),
+    [
+        ("bptt", ["dominant"]),
+        ("bptt", ["non_dominant", "shared"]),
+        ("ppo", ["non_dominant", "shared"]),
+        ("a2c", ["dominant"]),
+        ("sac", ["dominant", "shared"]),
+        ("td3", ["non_dominant"]),
+    ],
+)
 def test_frozen_groups_stay_to_the_bit_and_the_others_learn(algo, frozen, odd_run, small_bptt, tmp_path):
     chosen = {"frozen": frozen, "init_from": str(odd_run.path)}
     if algo == "bptt":
@@ -88,7 +96,7 @@ def test_a_stopped_training_with_a_frozen_side_ends_with_the_same_bits(small_bpt
     assert_same_end(whole, resume(stopped.folder, config).folder)
 
 
-@pytest.mark.parametrize("algorithm", CLASSES)
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_critics_and_exploration_learn_while_the_network_is_frozen(algorithm):
     model = make_model(algorithm, frozen=["non_dominant", "shared"])
     before, groups = weights(model), names_by_group(model)
@@ -101,7 +109,7 @@ def test_critics_and_exploration_learn_while_the_network_is_frozen(algorithm):
         assert "log_std" in learned
 
 
-@pytest.mark.parametrize("algorithm", CLASSES)
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_saved_model_keeps_its_frozen_groups_and_load_may_choose_others(algorithm, tmp_path):
     make_model(algorithm, frozen="dominant").save(tmp_path / "model")
     kept = algorithm.load(tmp_path / "model", env=arm())
@@ -132,7 +140,7 @@ def test_what_cannot_be_frozen_is_refused(settings, message):
 
 
 def test_algorithms_refuse_what_cannot_be_frozen():
-    algorithm = CLASSES[0]
+    algorithm = ALGORITHMS[0]
     for policy, frozen, message in (
         ("CallosalPolicy", ["left"], "parameter groups, dominant, non_dominant, shared, not 'left'"),
         ("CallosalPolicy", 3, "not 3"),
