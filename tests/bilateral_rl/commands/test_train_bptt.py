@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import shutil
 from pathlib import Path
 
@@ -221,9 +222,13 @@ def test_a_training_that_fails_in_every_seed_is_one_clear_sentence(call, tmp_pat
                                    ("curl_field", {"experiment": {"forces": {"curl": 3}}}, False)],
 )  # fmt: skip
 def test_what_is_suggested_next_can_be_typed(task, changes, known, tmp_path, monkeypatch):
-    """A run keeps an experiment of one's own, but not the path of its file."""
+    """A run keeps an experiment of one's own, but not the path of its file: its own configuration is one."""
     monkeypatch.chdir(tmp_path)
     Path("mine.yaml").write_text("start: {hand: [0.0, 0.4]}\ntarget: {center_out: {}}\n")
     config = resolve("bptt", task, [changes])
-    suggested = _next_training(config, "runs/a/b", Path("runs"))
-    assert suggested.startswith("bilateral-rl train --algo ppo" if known else "bilateral-rl record runs/a/b")
+    run = RunFolder(Path("runs/a/b"))
+    run.begin(config)
+    suggested = shlex.split(_next_training(config, str(run.path), Path("runs")))
+    named = suggested[suggested.index("--task") + 1]
+    assert named == (task if known else "runs/a/b/config.yaml")
+    assert resolve("ppo", named).experiment == config.experiment
