@@ -89,7 +89,10 @@ def _find(words: object) -> TaskChoice:
     try:
         experiment = find_experiment(words)  # type: ignore[arg-type]
     except TypeError:
-        raise UserError(f"Unknown task {words!r}; choose from {', '.join(TASK_SPECS)}.") from None
+        raise UserError(
+            "A task is given by its name, as an Experiment or the file of one, or as a class by module:Class, not by "
+            f"{shown(words)}."
+        ) from None
     return TaskChoice(experiment.name, experiment)
 
 

@@ -11,7 +11,7 @@ from bilateral_rl.config import code_tasks
 from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
-from bilateral_rl.envs import Experiment, experiment_named
+from bilateral_rl.envs import Experiment, HoldPosition, experiment_named
 from bilateral_rl.envs.experiment_task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
@@ -146,6 +146,14 @@ def test_what_cannot_be_is_refused_in_one_sentence(task, settings, sentence):
     with pytest.raises(UserError) as error:
         resolve("bptt", task, [parse_overrides(settings)])
     assert str(error.value).startswith(sentence)
+
+
+def test_what_names_no_task_is_refused():
+    for wrong in (3, [1], HoldPosition(), HoldPosition):
+        with pytest.raises(
+            UserError, match="A task is given by its name, as an Experiment or the file of one, or as a"
+        ):
+            resolve("ppo", wrong)
 
 
 def test_a_class_is_imported_only_where_the_user_has_named_it(named):
