@@ -88,7 +88,8 @@ def main() -> None:
     tables = {"blocks": pd.concat(blocks), "lesions": pd.DataFrame(lesions), "pulses": pd.DataFrame(pulses)}
     tables["verdicts"] = verdicts(**tables)
     for name, table in tables.items():
-        table.to_csv(asked.out / f"{name}.csv", index=False, float_format="%.6g")
+        # Readers of CSV take the word null for a value that is missing.
+        table.replace("null", "null_field").to_csv(asked.out / f"{name}.csv", index=False, float_format="%.6g")
     print(tables["verdicts"].to_string())
 
 
