@@ -14,7 +14,12 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Tag, TypeAdapter
 from settings_page import bounds, description, plain, text, unit
 
-from bilateral_rl.envs import experiment, experiment_numbers
+from bilateral_rl.envs import (
+    experiment,
+    experiment_numbers,
+    experiment_schema_forces,
+    experiment_schema_places,
+)
 from bilateral_rl.envs.experiment_files import SUFFIXES
 from bilateral_rl.io.yaml_files import LARGEST_SETTINGS
 
@@ -22,16 +27,16 @@ PAGE = Path(__file__).parents[1] / "reference" / "experiments.md"
 
 SECTIONS: dict[type, str] = {
     experiment.Experiment: "The experiment",
-    experiment.Place: "A place",
-    experiment.Region: "A region",
-    experiment.CenterOut: "Targets on a circle",
+    experiment_schema_places.Place: "A place",
+    experiment_schema_places.Region: "A region",
+    experiment_schema_places.CenterOut: "Targets on a circle",
     experiment.Cues: "The timeline",
     experiment.TargetJump: "A jump of the target",
-    experiment.Forces: "Forces",
-    experiment.ElasticField: "An elastic field",
-    experiment.ForcePulse: "A pulse",
-    experiment.Directions: "Pulses in several directions",
-    experiment.ForceChannel: "A channel",
+    experiment_schema_forces.Forces: "Forces",
+    experiment_schema_forces.ElasticField: "An elastic field",
+    experiment_schema_forces.ForcePulse: "A pulse",
+    experiment_schema_forces.Directions: "Pulses in several directions",
+    experiment_schema_forces.ForceChannel: "A channel",
 }
 FORMS = {
     experiment_numbers.Steps: "a whole number, or `[first, last]`",
