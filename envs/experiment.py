@@ -14,12 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass
 
-from bilateral_rl.envs.experiment_numbers import (
-    Points,
-    Share,
-    Steps,
-    form,
-)
+from bilateral_rl.envs.experiment_numbers import Points, Share, Steps, form
 from bilateral_rl.envs.experiment_schema_forces import ForceChannel, Forces
 from bilateral_rl.envs.experiment_schema_places import Place
 from bilateral_rl.envs.quantities import STRICT
