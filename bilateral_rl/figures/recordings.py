@@ -117,6 +117,9 @@ def draw_muscles(axes: Axes, activation: Floating, timestep: float) -> None:
     style_axes(axes, "Time (ms)", "Activation (0 to 1)")
     # The legend lies inside: above, it would push the title out of figures that are laid out by hand.
     top = axes.get_ylim()[1] / (1 - _ROOM_FOR_LEGEND)
-    axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick <= 1])
+    axes.set_yticks([tick for tick in axes.get_yticks() if 0 <= tick < 1.01])
     axes.set_ylim(0, top)
-    axes.legend(loc="upper center", fontsize=TEXT_SIZE, frameon=False, ncols=3, columnspacing=1.2)
+    axes.legend(
+        loc="upper center", fontsize=TEXT_SIZE, frameon=False, ncols=3,
+        columnspacing=0.9, handlelength=1.5, handletextpad=0.4,
+    )  # fmt: skip
