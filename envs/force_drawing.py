@@ -106,7 +106,7 @@ def _draw_velocity_field(canvas: Canvas, gain: NDArray[Any], center: Points) -> 
     for direction, force in zip(directions, forces, strict=True):
         canvas.line(np.stack((center, center + _GLYPH_RADIUS * direction)), _FAINT_FORCE, 1)
         _draw_small_arrow(canvas, center + _GLYPH_RADIUS * direction, _GLYPH_ARROW * force / longest, FORCE)
-    canvas.text(center + np.array((0.0, 0.105)), "force by velocity", FORCE)
+    canvas.text((0.03 - canvas.half, center[1] + 0.105), "force by velocity", FORCE, centered=False)
 
 
 def _draw_small_arrow(canvas: Canvas, base: Points, arrow: Points, color: Color) -> None:
