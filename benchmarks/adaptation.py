@@ -29,8 +29,8 @@ from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.experiment import Experiment
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.experiment import Experiment
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.training.fresh_networks import fresh_network
 

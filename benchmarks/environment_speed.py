@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from bilateral_rl.envs import ArmEnv, ArmVecEnv
-from bilateral_rl.envs.experiment import Experiment
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.experiment import Experiment
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.envs.tasks import TaskLike
 
 ROUNDS = 200

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from bilateral_rl.envs.arm_env import ArmEnv
     from bilateral_rl.envs.arm_vec_env import ArmVecEnv
     from bilateral_rl.envs.arm_vector_env import ArmVectorEnv
-    from bilateral_rl.envs.experiment import Experiment
-    from bilateral_rl.envs.experiment_files import ExperimentError, experiment_from_file, experiment_named
-    from bilateral_rl.envs.experiment_task import ExperimentTask
+    from bilateral_rl.envs.experiments.experiment import Experiment
+    from bilateral_rl.envs.experiments.files import ExperimentError, experiment_from_file, experiment_named
+    from bilateral_rl.envs.experiments.task import ExperimentTask
     from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
     from bilateral_rl.envs.registration import ENVIRONMENT_IDS
     from bilateral_rl.envs.settings import TrialSettings
@@ -30,9 +30,9 @@ _NAMES = {
     "arm_env": ("ArmEnv",),
     "arm_vec_env": ("ArmVecEnv",),
     "arm_vector_env": ("ArmVectorEnv",),
-    "experiment": ("Experiment",),
-    "experiment_files": ("ExperimentError", "experiment_from_file", "experiment_named"),
-    "experiment_task": ("ExperimentTask",),
+    "experiments.experiment": ("Experiment",),
+    "experiments.files": ("ExperimentError", "experiment_from_file", "experiment_named"),
+    "experiments.task": ("ExperimentTask",),
     "kinematics": ("hand_position", "inverse_kinematics"),
     "registration": ("ENVIRONMENT_IDS",),
     "settings": ("TrialSettings",),

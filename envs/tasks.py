@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from bilateral_rl.envs.experiment import Experiment
+    from bilateral_rl.envs.experiments.experiment import Experiment
     from bilateral_rl.envs.settings import TrialSettings
 
 Float32 = NDArray[np.float32]
@@ -187,10 +187,10 @@ def make_task(task: TaskLike) -> Task:
         raise TypeError(f"a task is an object of its class: give {task.__name__}(), not {task.__name__}.")
     if isinstance(task, str) and task in TASKS:
         return TASKS[task]()
-    from bilateral_rl.envs import experiment_files  # what the two tasks do without
-    from bilateral_rl.envs.experiment_task import ExperimentTask
+    from bilateral_rl.envs.experiments.files import find_experiment  # what the two tasks do without
+    from bilateral_rl.envs.experiments.task import ExperimentTask
 
-    return ExperimentTask(experiment_files.find_experiment(task))
+    return ExperimentTask(find_experiment(task))
 
 
 def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:

@@ -7,9 +7,9 @@ import pytest
 
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.envs.arm.parameters import ArmParameters
-from bilateral_rl.envs.experiment import Cues, TargetJump
-from bilateral_rl.envs.experiment_files import experiment_from_file
-from bilateral_rl.envs.experiment_schema_forces import ElasticField, Forces
+from bilateral_rl.envs.experiments.experiment import Cues, TargetJump
+from bilateral_rl.envs.experiments.files import experiment_from_file
+from bilateral_rl.envs.experiments.forces import ElasticField, Forces
 from bilateral_rl.envs.stability import check_stability
 from bilateral_rl.envs.task_specs import PARADIGMS
 from bilateral_rl.envs.tasks import HandForces

@@ -33,5 +33,7 @@ def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
     expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
     data = {"config/defaults.yaml", "py.typed", "study/report.html.jinja"}
     data |= {f"readings/{path.name}" for path in (ROOT / "bilateral_rl" / "readings").iterdir()}
-    data |= {f"envs/paradigms/{path.name}" for path in (ROOT / "envs" / "paradigms").iterdir()}
+    data |= {
+        f"envs/experiments/paradigms/{path.name}" for path in (ROOT / "envs" / "experiments" / "paradigms").iterdir()
+    }
     assert names == expected | {f"bilateral_rl/{name}" for name in data}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bilateral_rl.envs.experiment import Condition, Experiment
+from bilateral_rl.envs.experiments.experiment import Condition, Experiment
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 

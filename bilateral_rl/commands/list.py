@@ -10,7 +10,7 @@ from rich.table import Table
 
 from bilateral_rl.api.listing import Listed, listed
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS
-from bilateral_rl.envs.experiment_files import paradigms
+from bilateral_rl.envs.experiments.files import paradigms
 from bilateral_rl.envs.task_specs import TASK_SPECS
 
 

@@ -18,7 +18,7 @@ from bilateral_rl.commands.training_report import measures_table, sides_line
 from bilateral_rl.config.code_tasks import is_code
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.experiment_files import experiment_named
+from bilateral_rl.envs.experiments.files import experiment_named
 from bilateral_rl.envs.task_specs import PARADIGMS, TASK_SPECS
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.training.progress import Outcome

@@ -82,7 +82,7 @@ def check_fit(config: TrainConfig) -> None:
     """Raise a UserError for an experiment that cannot run on this arm, or in trials of this length."""
     if config.experiment is None:
         return
-    from bilateral_rl.envs.experiment_checks import UnfitExperimentError, check_experiment  # numerical
+    from bilateral_rl.envs.experiments.checks import UnfitExperimentError, check_experiment  # numerical
 
     try:
         check_experiment(config.experiment, config.trial)

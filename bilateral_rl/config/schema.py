@@ -28,7 +28,7 @@ from bilateral_rl.config.hyperparameters import (
 )
 from bilateral_rl.config.parse import Values, plain_values
 from bilateral_rl.config.tasks import JudgedBy, TaskChoice
-from bilateral_rl.envs.experiment import Experiment
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.vocabulary import PENALTIES, PROFILES, Group, Penalty, Profile

@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeAlias
 
 from bilateral_rl.config.code_tasks import code_task, is_allowed, is_code
 from bilateral_rl.config.parse import Values, build, merge, plain_values
-from bilateral_rl.envs.experiment import Experiment, is_complete
-from bilateral_rl.envs.experiment_files import find_experiment
+from bilateral_rl.envs.experiments.experiment import Experiment, is_complete
+from bilateral_rl.envs.experiments.files import find_experiment
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError

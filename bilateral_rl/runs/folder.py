@@ -14,7 +14,7 @@ import yaml
 
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.experiment_files import is_file
+from bilateral_rl.envs.experiments.files import is_file
 from bilateral_rl.io import files, locks
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing

@@ -17,7 +17,7 @@ from bilateral_rl.config.code_tasks import is_allowed
 from bilateral_rl.config.parse import Values, merge, parse_overrides, plain_values
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.experiment_files import find_experiment, is_file
+from bilateral_rl.envs.experiments.files import find_experiment, is_file
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.outcome import read_result

@@ -16,7 +16,7 @@ from bilateral_rl.analysis.block_table import BLOCKS, COLUMNS, MEASURES, in_cond
 from bilateral_rl.analysis.metrics import find_metric, metric_name
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
 from bilateral_rl.config.schema import EvaluationConfig, TrainConfig
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.training_log import TrainingLog
 from bilateral_rl.policies import MotorPolicy

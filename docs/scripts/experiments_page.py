@@ -14,37 +14,32 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Tag, TypeAdapter
 from settings_page import bounds, description, plain, text, unit
 
-from bilateral_rl.envs import (
-    experiment,
-    experiment_numbers,
-    experiment_schema_forces,
-    experiment_schema_places,
-)
-from bilateral_rl.envs.experiment_files import SUFFIXES
+from bilateral_rl.envs.experiments import experiment, forces, numbers, places
+from bilateral_rl.envs.experiments.files import SUFFIXES
 from bilateral_rl.io.yaml_files import LARGEST_SETTINGS
 
 PAGE = Path(__file__).parents[1] / "reference" / "experiments.md"
 
 SECTIONS: dict[type, str] = {
     experiment.Experiment: "The experiment",
-    experiment_schema_places.Place: "A place",
-    experiment_schema_places.Region: "A region",
-    experiment_schema_places.CenterOut: "Targets on a circle",
+    places.Place: "A place",
+    places.Region: "A region",
+    places.CenterOut: "Targets on a circle",
     experiment.Cues: "The timeline",
     experiment.TargetJump: "A jump of the target",
-    experiment_schema_forces.Forces: "Forces",
-    experiment_schema_forces.ElasticField: "An elastic field",
-    experiment_schema_forces.ForcePulse: "A pulse",
-    experiment_schema_forces.Directions: "Pulses in several directions",
-    experiment_schema_forces.ForceChannel: "A channel",
+    forces.Forces: "Forces",
+    forces.ElasticField: "An elastic field",
+    forces.ForcePulse: "A pulse",
+    forces.Directions: "Pulses in several directions",
+    forces.ForceChannel: "A channel",
 }
 FORMS = {
-    experiment_numbers.Steps: "a whole number, or `[first, last]`",
-    experiment_numbers.Point: "`[a, b]`",
-    experiment_numbers.Points: "`[a, b]`, or a list of such",
-    experiment_numbers.Grid: "`[n, m]`",
-    experiment_numbers.Matrix: "`[[a, b], [c, d]]`",
-    experiment_numbers.Stiffness: "a number, or `[[a, b], [c, d]]`",
+    numbers.Steps: "a whole number, or `[first, last]`",
+    numbers.Point: "`[a, b]`",
+    numbers.Points: "`[a, b]`, or a list of such",
+    numbers.Grid: "`[n, m]`",
+    numbers.Matrix: "`[[a, b], [c, d]]`",
+    numbers.Stiffness: "a number, or `[[a, b], [c, d]]`",
 }
 """What people write, of the kinds that have short forms."""
 

@@ -7,7 +7,7 @@ import yaml
 
 from bilateral_rl.config.parse import plain
 from bilateral_rl.envs import Experiment, ExperimentError, experiment_from_file, experiment_named
-from bilateral_rl.envs.experiment_files import find_experiment, paradigms
+from bilateral_rl.envs.experiments.files import find_experiment, paradigms
 from bilateral_rl.envs.task_specs import ALIASES, PARADIGMS
 from bilateral_rl.io.errors import UserError
 
@@ -110,6 +110,11 @@ BROKEN = {
     "two places in one": ("start: {hand: [0, 0.4], joints: uniform}\n" + TARGET, 1, "exactly one of joints, hand and"),
     "center-out around anything": ("start: {joints: uniform}\n" + TARGET, 2, "target.center_out: needs a start"),
     "a start around itself": ("start: {center_out: {}}\ntarget: start\n", 1, "start.center_out.center must be given"),
+    "a channel that leaves no trial to the field": (
+        HEAD + "forces:\n  curl: 5\n  channel: {}\n",
+        3,
+        "no trial would have the field",
+    ),
     "channel without a way": (START + "target: start\nforces:\n  channel: {}\n", 4, "channel needs a target"),
     "channel to where it starts": (
         START + "target: {hand: [0.0, 0.4]}\nforces:\n  channel: {}\n",

@@ -6,7 +6,7 @@ from rich_tasks import Fixed, no_forces
 
 from bilateral_rl.envs import ArmEnv, ArmParameters, TrialSettings
 from bilateral_rl.envs.arm.physics import ACTIVE_LENGTH, PASSIVE
-from bilateral_rl.envs.experiment_schema_forces import ForceChannel
+from bilateral_rl.envs.experiments.forces import ForceChannel
 from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.stability import check_stability, mobility
 from bilateral_rl.envs.trials import TrialBatch

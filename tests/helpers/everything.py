@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from bilateral_rl.envs import TrialSettings
-from bilateral_rl.envs.experiment_files import experiment_from_file
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.files import experiment_from_file
+from bilateral_rl.envs.experiments.task import ExperimentTask
 
 EVERYTHING = Path(__file__).with_suffix(".yaml")
 

@@ -12,7 +12,7 @@ from bilateral_rl.analysis.metrics import find_metric, means_something, measure,
 from bilateral_rl.analysis.trial_parts import chosen, cued, since
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.envs.tasks import NEVER, TASKS, make_task
 from bilateral_rl.runs.policies import build_policy
 

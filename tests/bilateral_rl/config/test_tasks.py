@@ -12,7 +12,7 @@ from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
 from bilateral_rl.envs import Experiment, HoldPosition, experiment_named
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.folder import RunFolder

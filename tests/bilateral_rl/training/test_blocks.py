@@ -13,7 +13,7 @@ from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import EvaluationConfig
-from bilateral_rl.envs.experiment_task import ExperimentTask
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policies

@@ -9,7 +9,7 @@ from processes import is_saving, started, wait_until
 from rl_runs import ALGORITHMS, curves, differences, evaluations, small_rl
 from supervised_runs import Watch, with_values
 
-from bilateral_rl.envs.experiment import Experiment
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.run import resume, train

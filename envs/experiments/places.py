@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Tag
 from pydantic.dataclasses import dataclass
 
-from bilateral_rl.envs.experiment_numbers import (
+from bilateral_rl.envs.experiments.numbers import (
     LONGEST_LIST,
     Count,
     Grid,

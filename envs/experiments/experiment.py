@@ -1,6 +1,7 @@
 """The schema of an experiment: starts, targets, cues and forces as data, which can be read without anything numerical.
 
-:mod:`bilateral_rl.envs.experiment_files` reads it from YAML, :mod:`bilateral_rl.envs.experiment_task` draws its trials.
+:mod:`bilateral_rl.envs.experiments.files` reads it from YAML, and :mod:`bilateral_rl.envs.experiments.task` draws its
+trials.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic.dataclasses import dataclass
 
-from bilateral_rl.envs.experiment_numbers import Points, Share, Steps, form
-from bilateral_rl.envs.experiment_schema_forces import ForceChannel, Forces
-from bilateral_rl.envs.experiment_schema_places import Place
+from bilateral_rl.envs.experiments.forces import ForceChannel, Forces
+from bilateral_rl.envs.experiments.numbers import Points, Share, Steps, form
+from bilateral_rl.envs.experiments.places import Place
 from bilateral_rl.envs.quantities import STRICT
 from bilateral_rl.envs.refusals import refusing_in_a_sentence
 from bilateral_rl.envs.task_specs import TASK_SPECS

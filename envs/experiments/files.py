@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from bilateral_rl.envs.experiment import Experiment
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.quantities import STRICT
 from bilateral_rl.envs.refusals import refusal, shown
 from bilateral_rl.envs.settings import TrialSettings
@@ -103,12 +103,13 @@ def paradigms() -> dict[str, str]:
 
 
 def _shipped(name: str) -> tuple[str, str, str]:
-    file = importlib.resources.files("bilateral_rl.envs").joinpath("paradigms", f"{name}.yaml")
+    file = importlib.resources.files("bilateral_rl.envs.experiments").joinpath("paradigms", f"{name}.yaml")
     return file.read_text(encoding="utf-8"), name, str(file)
 
 
 def _parse(text: str, name: str, source: str) -> Experiment:
     experiment, settings, lines = _read(text, name, source)
+    _check_shares(experiment, lines, source)
     _check_fit(experiment, settings, lines, source)
     return experiment
 
@@ -143,8 +144,21 @@ def _built(cls: type[T], values: Mapping[str, Any], lines: Lines, source: str) -
         raise ExperimentError(f"{source}, line {max(lines.of(loc), lines.of(named))}: {sentence}") from None
 
 
+def _check_shares(experiment: Experiment, lines: Lines, source: str) -> None:
+    """Refuse a file with a field that no trial would have; a test may still put all of its trials into the channel."""
+    forces = experiment.forces
+    if forces is None or not forces.has_field:
+        return
+    channel = 0.0 if forces.channel is None else forces.channel.share
+    if channel + forces.field_off_share >= 1:
+        raise ExperimentError(
+            f"{source}, line {lines.of(['forces'])}: no trial would have the field of forces: give a channel.share and a "
+            f"field_off_share of less than 1 together, got {channel:g} and {forces.field_off_share:g}."
+        )
+
+
 def _check_fit(experiment: Experiment, settings: TrialSettings, lines: Lines, source: str) -> None:
-    from bilateral_rl.envs.experiment_checks import UnfitExperimentError, check_experiment  # numerical
+    from bilateral_rl.envs.experiments.checks import UnfitExperimentError, check_experiment  # numerical
 
     try:
         check_experiment(experiment, settings)

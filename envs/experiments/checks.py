@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
-from bilateral_rl.envs.experiment import Experiment
-from bilateral_rl.envs.experiment_places import check_place, listed_hands
-from bilateral_rl.envs.experiment_schema_places import Place
+from bilateral_rl.envs.experiments.drawn_places import check_place, listed_hands
+from bilateral_rl.envs.experiments.experiment import Experiment
+from bilateral_rl.envs.experiments.places import Place
 from bilateral_rl.envs.kinematics import inverse_kinematics
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.stability import check_stability

@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.experiment import Experiment, TargetJump
-from bilateral_rl.envs.experiment_checks import check_experiment
-from bilateral_rl.envs.experiment_places import chosen_index, draw_postures, number_listed
-from bilateral_rl.envs.experiment_schema_forces import Directions, ForcePulse, Forces
+from bilateral_rl.envs.experiments.checks import check_experiment
+from bilateral_rl.envs.experiments.drawn_places import chosen_index, draw_postures, number_listed
+from bilateral_rl.envs.experiments.experiment import Experiment, TargetJump
+from bilateral_rl.envs.experiments.forces import Directions, ForcePulse, Forces
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import FEATURES, NEVER, HandForces, Task, Timeline, Trials, draw_loads

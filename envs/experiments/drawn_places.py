@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
-from bilateral_rl.envs.experiment_schema_places import CenterOut, Place, Region
+from bilateral_rl.envs.experiments.places import CenterOut, Place, Region
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
 
 Float64 = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""Experiments as data: what a YAML file says of trials, checked, drawn and read."""
