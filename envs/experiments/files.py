@@ -152,8 +152,8 @@ def _check_shares(experiment: Experiment, lines: Lines, source: str) -> None:
     channel = 0.0 if forces.channel is None else forces.channel.share
     if channel + forces.field_off_share >= 1:
         raise ExperimentError(
-            f"{source}, line {lines.of(['forces'])}: no trial would have the field of forces: give a channel.share and a "
-            f"field_off_share of less than 1 together, got {channel:g} and {forces.field_off_share:g}."
+            f"{source}, line {lines.of(['forces'])}: no trial would have the field of forces: give channel.share "
+            f"and field_off_share less than 1 together, got {channel:g} and {forces.field_off_share:g}."
         )
 
 
