@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-_STREAM = 1
-"""Tells the noise's streams from those that the arm draws from by the same seeds."""
+_STREAM = 100
+"""Tells the noise's streams from all others that are drawn from by the same seeds: the arm's, and BPTT's trials."""
 _BLOCK = 16
 """Steps that the streams of trials draw at once: a call of a generator costs more than the numbers."""
 

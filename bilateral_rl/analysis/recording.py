@@ -180,7 +180,7 @@ def record(
 
 def trials_at_once(network: MotorNetwork, settings: TrialSettings) -> int:
     """Return how many trials are done at a time."""
-    numbers = settings.trial_length * (100 + network.layers * network.units) + settings.feedback_delay * N_SENSED
+    numbers = settings.trial_length * (100 + network.layers * network.units) + max(settings.delays) * N_SENSED
     return max(1, min(TRIALS_AT_ONCE, NUMBERS_AT_ONCE // numbers))
 
 
