@@ -13,6 +13,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 T = TypeVar("T")
+_UNKNOWN = ("unexpected_keyword_argument", "invalid_key")
+"""What pydantic calls a name that there is not."""
 _LONGEST = 100
 """Letters of a value that a sentence shows."""
 
@@ -32,17 +34,23 @@ def refusing_in_a_sentence(cls: type[T]) -> type[T]:
     return cls
 
 
+def first_error(errors: ValidationError) -> Any:
+    """Return what is to be said first: an unknown name, since what is then missing is often what it was meant for."""
+    found = errors.errors(include_url=False)
+    return next((error for error in found if error["type"] in _UNKNOWN), found[0])
+
+
 def refusal(cls: type[Any], errors: ValidationError, within: str = "") -> str:
     """Say the first thing that pydantic found wrong with settings of the dataclass ``cls``, in one sentence.
 
     It says where, ``within`` which setting if need be, what was expected, and what there is.
     """
-    error = errors.errors(include_url=False)[0]
+    error = first_error(errors)
     path = place(error["loc"])
     name, kind, value = ".".join([*filter(None, [within]), *path]), error["type"], error["input"]
     if kind in ("missing", "missing_argument") and isinstance(error["loc"][-1], str):
         return f"{name} must be given."
-    if kind in ("unexpected_keyword_argument", "invalid_key"):
+    if kind in _UNKNOWN:
         around = ".".join([*filter(None, [within]), *path[:-1]])
         where = f"in {around}" if around else "among the settings"
         inside = _field_type(cls, path[:-1])

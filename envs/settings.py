@@ -70,6 +70,9 @@ class TrialSettings:
         for common, own in _OF_ITS_OWN.items():
             if getattr(self, common) and all(getattr(self, name) is not None for name in own):
                 raise ValueError(f"{common} has no effect where {', '.join(own)} are all given: leave one out")
+        last = self.losses.last_steps
+        if last is not None and last > self.trial_length:
+            raise ValueError(f"losses.last_steps must be at most trial_length, {self.trial_length}, got {last}")
 
     @property
     def noise_scale(self) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""The two tasks: what a trial is drawn from (paper section 3)."""
+"""What sets trials apart, and the tasks that they are drawn from: the paper's two (section 3), and others."""
 
 from __future__ import annotations
 

@@ -62,11 +62,15 @@ class TrialRecord:
     def summary(self, radius: float) -> dict[str, float]:
         """Return means over the trials at a goal of ``radius`` (m), in people's units: percent, cm, steps.
 
-        Trials without a cue, which have nothing to reach for, count in the returns alone, unless none has one.
+        Trials without a cue, which have nothing to reach for, count in the returns alone. Where none has a cue, the
+        goal's measures are NaN, and the final error is from where the hand was to stay.
         """
         dominant, non_dominant = self.vector_return.mean(axis=0)
         comes = self.plan.onset < self.distance.shape[1]
-        return self.measures(radius, comes if comes.any() else slice(None)).means() | {
+        means = self.measures(radius, comes if comes.any() else slice(None)).means()
+        if not comes.any():
+            means |= dict.fromkeys((name for name in means if "goal" in name), float("nan"))
+        return means | {
             "return_dominant": float(dominant),
             "return_non_dominant": float(non_dominant),
         }

@@ -14,9 +14,10 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from bilateral_rl.envs.experiments.effects import without_effect
 from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.quantities import STRICT
-from bilateral_rl.envs.refusals import refusal, shown
+from bilateral_rl.envs.refusals import first_error, refusal, shown
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task_specs import ALIASES, PARADIGMS, TASK_SPECS
 from bilateral_rl.io import files
@@ -109,7 +110,7 @@ def _shipped(name: str) -> tuple[str, str, str]:
 
 def _parse(text: str, name: str, source: str) -> Experiment:
     experiment, settings, lines = _read(text, name, source)
-    _check_shares(experiment, lines, source)
+    _check_effects(experiment, lines, source)
     _check_fit(experiment, settings, lines, source)
     return experiment
 
@@ -138,23 +139,15 @@ def _built(cls: type[T], values: Mapping[str, Any], lines: Lines, source: str) -
     try:
         return TypeAdapter(cls).validate_python(values)
     except ValidationError as error:
-        loc = [part for part in error.errors()[0]["loc"] if not str(part).startswith("<")]
+        loc = [part for part in first_error(error)["loc"] if not str(part).startswith("<")]
         sentence = refusal(cls, error)
         named = sentence.partition(" ")[0].rstrip(":").split(".")  # which may be within what pydantic names
         raise ExperimentError(f"{source}, line {max(lines.of(loc), lines.of(named))}: {sentence}") from None
 
 
-def _check_shares(experiment: Experiment, lines: Lines, source: str) -> None:
-    """Refuse a file with a field that no trial would have; a test may still put all of its trials into the channel."""
-    forces = experiment.forces
-    if forces is None or not forces.has_field:
-        return
-    channel = 0.0 if forces.channel is None else forces.channel.share
-    if channel + forces.field_off_share >= 1:
-        raise ExperimentError(
-            f"{source}, line {lines.of(['forces'])}: no trial would have the field of forces: give channel.share "
-            f"and field_off_share less than 1 together, got {channel:g} and {forces.field_off_share:g}."
-        )
+def _check_effects(experiment: Experiment, lines: Lines, source: str) -> None:
+    for name, sentence in without_effect(experiment):
+        raise ExperimentError(f"{source}, line {lines.of(name.split('.'))}: {name} {sentence}")
 
 
 def _check_fit(experiment: Experiment, settings: TrialSettings, lines: Lines, source: str) -> None:

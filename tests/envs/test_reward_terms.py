@@ -58,8 +58,9 @@ def test_last_steps_leave_error_and_speed_out_until_then():
     np.testing.assert_array_equal(late[-2:], always[-2:])
     np.testing.assert_array_equal(late[:-2, 1], 0)
     np.testing.assert_allclose(late[:-2, 0], -terms[:-2] @ [0, 0, 0.5, 0, 0, 4.0], rtol=1e-4)
-    for more in (STEPS, STEPS + 5):
-        np.testing.assert_array_equal(trial(losses | {"last_steps": more})[0], always)
+    np.testing.assert_array_equal(trial(losses | {"last_steps": STEPS})[0], always)
+    with pytest.raises(ValueError, match=f"last_steps must be at most trial_length, {STEPS}, got {STEPS + 1}"):
+        trial(losses | {"last_steps": STEPS + 1})
 
 
 def test_a_command_changes_by_nothing_in_the_first_step_of_every_trial():

@@ -47,6 +47,13 @@ def test_a_reach_is_measured_from_its_cue_on_and_not_where_none_comes():
     assert record.summary(0.01)["final_error_cm"] == pytest.approx(0)
 
 
+def test_trials_of_which_none_has_a_cue_complete_no_goal():
+    record = a_record([[[0, 0]] * 5] * 2, [[0, 0]] * 2, go=[NEVER] * 2, condition=["no_go"] * 2)
+    summary = record.summary(0.05)
+    assert np.isnan([value for name, value in summary.items() if "goal" in name]).all()
+    assert summary["final_error_cm"] == pytest.approx(0)
+
+
 def test_a_metric_of_a_condition_is_that_of_its_trials_alone():
     hand = np.zeros((3, 5, 2))
     target = [[0.1, 0], [0.2, 0], [0.4, 0]]
