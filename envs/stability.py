@@ -130,6 +130,7 @@ def _numbers(row: bytes) -> tuple[float, ...]:
 
 def _named(row: tuple[float, ...]) -> str:
     """Return the gains of a field that are not 0, in words."""
-    gains = {"velocity_gain": row[:4], "position_gain": row[4:]}
-    words = "{} [[{:g}, {:g}], [{:g}, {:g}]]"
-    return " with ".join(words.format(name, *(e + 0.0 for e in gain)) for name, gain in gains.items() if any(gain))
+    gains = {"a velocity field of {} N·s/m": row[:4], "an elastic field of {} N/m": row[4:]}
+    matrix = "[[{:g}, {:g}], [{:g}, {:g}]]"
+    shown = {words: matrix.format(*(e + 0.0 for e in gain)) for words, gain in gains.items() if any(gain)}
+    return " with ".join(words.format(gain) for words, gain in shown.items())

@@ -145,7 +145,7 @@ BROKEN = {
         4,
         "forces.channel: walls",
     ),
-    "unstable field": (HEAD + "forces:\n  curl: 2000\n", 4, "forces.curl: velocity_gain"),
+    "unstable field": (HEAD + "forces:\n  curl: 2000\n", 4, "forces.curl: a velocity field of"),
     "unknown setting of trials": (HEAD + "trial:\n  lenght: 3\n", 4, "Unknown setting 'lenght' in trial"),
     "a setting of trials out of range": (HEAD + "trial:\n  threshold: -1\n", 4, "trial.threshold must be above 0"),
     "unknown loss": (
