@@ -129,7 +129,7 @@ def test_the_configuration_of_another_experiments_run_brings_its_choices_alone(m
             "experiment.forces.curl is a vel",
         ),
         ("curl_field", ["experiment.target.center_out.radius=0.5"], "experiment.target.center_out: the position"),
-        ("curl_field", ["experiment.forces.curl=2000"], "experiment.forces.curl: velocity_gain"),
+        ("curl_field", ["experiment.forces.curl=2000"], "experiment.forces.curl: a velocity field"),
         ("delayed_reach", ["trial.trial_length=30"], "experiment.timeline.go must come within the trial of 30 steps"),
         ("curl_field", ["trial.arm.link_length=[0.1,0.1]"], "experiment.start.hand: the position [0, 0.4] m is out of"),
         ("curl_field", ["experiment.trial.threshold=0.1"], "experiment.trial keeps what the experiment's file says"),
