@@ -14,6 +14,7 @@ import argparse
 import dataclasses
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -56,7 +57,9 @@ class Played:
     def __init__(self, commands: NDArray[np.float32]) -> None:
         self._commands = iter(commands.swapaxes(0, 1))
 
-    def predict(self, observation: NDArray[np.float32], deterministic: bool = True) -> tuple[NDArray[np.float32], None]:
+    def predict(
+        self, observation: object, state: object = None, episode_start: object = None, deterministic: bool = False
+    ) -> tuple[NDArray[np.float32], None]:
         """Return the commands of the next step."""
         return next(self._commands), None
 
@@ -93,13 +96,13 @@ def main() -> None:
     print(tables["verdicts"].to_string())
 
 
-def trained(out: Path, model: str, asked: argparse.Namespace, **arguments: object) -> brl.Run:
+def trained(out: Path, model: str, asked: argparse.Namespace, **arguments: Any) -> brl.Run:
     """Return the run of this model in ``out``, which is trained unless it is there."""
     there = [run for run in out.glob(f"*/{model}-bptt-*") if brl.load(run).status.get("state") == "finished"]
     if there:
         return brl.load(there[0])
     seeds = range(asked.first, asked.first + asked.seeds)
-    return brl.train("bptt", model, seeds=seeds, out=out, progress=False, **arguments)  # type: ignore[arg-type]
+    return brl.train("bptt", model, seeds=seeds, out=out, progress=False, **arguments)
 
 
 def fresh(run: brl.Run, seed: int) -> MotorPolicy:
@@ -132,7 +135,7 @@ def lesioned(networks: dict[str, MotorPolicy], config: TrainConfig) -> Iterator[
                 with policy.motor_network.lesioned(lesion):
                     yield {"network": network, "state": state, "condition": condition} | measured(tests.run(policy))
         silence = np.zeros((TRIALS, config.trial.trial_length, 6), dtype=np.float32)
-        undriven = tests.run(Played(silence))  # type: ignore[arg-type]
+        undriven = tests.run(Played(silence))
         yield {"network": "undriven", "state": "intact", "condition": condition} | measured(undriven)
 
 
@@ -170,7 +173,7 @@ def pushed(networks: dict[str, MotorPolicy], config: TrainConfig) -> Iterator[di
         for state, lesion in STATES.items():
             with policy.motor_network.lesioned(lesion):
                 plain, with_pulse = never.run(policy), always.run(policy)
-            played = always.run(Played(plain.excitation))  # type: ignore[arg-type]
+            played = always.run(Played(plain.excitation))
             row: dict[str, object] = {"network": network, "state": state}
             for name, record in (("closed", with_pulse), ("played", played)):
                 away = 100 * np.linalg.norm(record.hand - plain.hand, axis=2)  # (n, T + 1), cm

@@ -83,10 +83,10 @@ def checked_trials(trials: object, n: int, task: Task, arm: ArmParameters) -> Tr
     if given.timeline is not None:
         checked = checked._replace(timeline=_checked_timeline(given.timeline, n, arm))
     if given.forces is not None:
-        checked = checked._replace(forces=_checked_forces(given.forces, n))
-        check_stability(checked.forces, arm)  # type: ignore[arg-type]
-        walls = checked.forces.walls  # type: ignore[union-attr]
-        if walls.any() and (walls.any(axis=1) & (start == goal).all(axis=1)).any():
+        forces = _checked_forces(given.forces, n)
+        checked = checked._replace(forces=forces)
+        check_stability(forces, arm)
+        if forces.walls.any() and (forces.walls.any(axis=1) & (start == goal).all(axis=1)).any():
             raise ValueError("walls lie along the line from start to goal, which must not be the same place.")
     return checked
 

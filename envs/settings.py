@@ -92,8 +92,10 @@ class TrialSettings:
     @property
     def delays(self) -> tuple[int, int]:
         """How far the sensed muscles and the seen hand lag behind (steps)."""
-        own = (self.proprioception_delay, self.vision_delay)
-        return tuple(self.feedback_delay if delay is None else delay for delay in own)  # type: ignore[return-value]
+        proprioception, vision = (
+            self.feedback_delay if own is None else own for own in (self.proprioception_delay, self.vision_delay)
+        )
+        return proprioception, vision
 
     def observation_bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest observation, (16,) each; hand and target lie within the arm's reach."""

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
+from stable_baselines3.common.type_aliases import PolicyPredictor
 from torch import Tensor
 
 from bilateral_rl.analysis import kinematics
@@ -63,7 +64,7 @@ class Evaluator:
         first = whole_number("seed", seed, 0)
         self._seeds = [first + i for i in range(self._batch.n)]
 
-    def run(self, policy: MotorPolicy, deterministic: bool = True) -> TrialRecord:
+    def run(self, policy: PolicyPredictor, deterministic: bool = True) -> TrialRecord:
         """Do every trial once.
 
         Args:
@@ -88,7 +89,9 @@ class Evaluator:
             arm=self._batch.settings.arm,
         )
 
-    def record(self, policy: MotorPolicy, fields: Sequence[Field], deterministic: bool = True) -> dict[str, Float32]:
+    def record(
+        self, policy: PolicyPredictor, fields: Sequence[Field], deterministic: bool = True
+    ) -> dict[str, Float32]:
         """Do every trial once, and return by name what ``fields`` take from the arms, (n, …) each.
 
         Args:
@@ -101,8 +104,9 @@ class Evaluator:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
         # Anything that predicts may be tested, also a policy of stable-baselines3, which has no network of ours.
-        is_ours = isinstance(policy, MotorPolicy)
-        noise = policy.motor_network.noise.of_trials(self._seeds) if is_ours else contextlib.nullcontext()
+        noise: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+        if isinstance(policy, MotorPolicy):
+            noise = policy.motor_network.noise.of_trials(self._seeds)
         with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"), noise:
             arrays = self._record(policy, fields, deterministic)
         # A hand that was ever out of range has a return that is.
@@ -162,7 +166,7 @@ class Evaluator:
         force = sum(np.einsum("nij,ntj->nti", gain, of) for gain, of in zip(gains, (velocity, away), strict=True))
         return np.asarray(force, dtype=np.float32)
 
-    def _record(self, policy: MotorPolicy, fields: Sequence[Field], deterministic: bool) -> dict[str, Float32]:
+    def _record(self, policy: PolicyPredictor, fields: Sequence[Field], deterministic: bool) -> dict[str, Float32]:
         batch = self._batch
         length = batch.settings.trial_length
         batch.start(np.arange(batch.n, dtype=np.int32), self._drawn.trials, self._drawn.noise)
@@ -209,7 +213,7 @@ def _room(field: Field, batch: TrialBatch) -> Float32:
     return np.empty((batch.n, length + (TIME in field.dims), *values.shape[1:]), dtype=values.dtype)
 
 
-def _action(policy: MotorPolicy, observation: Float32, deterministic: bool) -> Float32:
+def _action(policy: PolicyPredictor, observation: Float32, deterministic: bool) -> Float32:
     try:
         action, _ = policy.predict(observation, deterministic=deterministic)
     except ValueError as error:

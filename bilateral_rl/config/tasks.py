@@ -86,13 +86,12 @@ def choose_task(task: object, layers: Sequence[Mapping[str, Any]], default: str)
 def _find(words: object) -> TaskChoice:
     if isinstance(words, str) and (words in TASK_SPECS or is_code(words)):
         return TaskChoice(words)
-    try:
-        experiment = find_experiment(words)  # type: ignore[arg-type]
-    except TypeError:
+    if not isinstance(words, str | PathLike | Experiment):
         raise UserError(
             "A task is given by its name, as an Experiment or the file of one, or as a class by module:Class, not by "
             f"{shown(words)}."
-        ) from None
+        )
+    experiment = find_experiment(words)
     return TaskChoice(experiment.name, experiment)
 
 

@@ -80,9 +80,10 @@ def find_experiment(experiment: str | PathLike[str] | Experiment) -> Experiment:
         raise TypeError(f"task must be a name, a Task or an Experiment, got {type(experiment).__name__}.")
     if is_file(experiment):
         return experiment_from_file(experiment)
-    if ALIASES.get(experiment, experiment) in PARADIGMS:  # type: ignore[arg-type]
-        return experiment_named(str(experiment))
-    raise ExperimentError(unknown_task(str(experiment)))
+    name = str(experiment)
+    if ALIASES.get(name, name) in PARADIGMS:
+        return experiment_named(name)
+    raise ExperimentError(unknown_task(name))
 
 
 def is_file(task: str | PathLike[str]) -> bool:

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from arm_pictures import ARM, SCENE, SIZE, changed, hand, is_near, picture, pixel
 from rich_tasks import Fixed, no_forces
 
 from bilateral_rl.envs import ArmEnv
-from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.arm.physics import ACTIVATION
 from bilateral_rl.envs.force_drawing import HandForceScene
 from bilateral_rl.envs.rendering import VIEW_MARGIN, CueScene, Scene, draw
@@ -13,52 +13,9 @@ from bilateral_rl.envs.tasks import NEVER, Timeline
 
 pytest.importorskip("pygame")
 
-ARM = ArmParameters()
-SIZE = 480
-SCENE = Scene(
-    angles=np.radians([40.0, 80.0]),
-    activation=np.full(6, 0.2),
-    target=np.array([-0.2, 0.4]),
-    path=np.empty((0, 2)),
-    threshold=0.05,
-    load=np.zeros(2),
-)
 CURL = np.array([[0.0, 15.0], [-15.0, 0.0]])
 STILL = HandForceScene(np.zeros(2), np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)))
 """Forces that do nothing at the moment."""
-
-
-def picture(**changes):
-    return draw(ARM, SCENE._replace(**changes), SIZE)
-
-
-def pixel(point):
-    """(row, column) of a point in m, with the shoulder at the center and y up."""
-    scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
-    return round(SIZE / 2 - scale * point[1]), round(SIZE / 2 + scale * point[0])
-
-
-def changed(first, second):
-    """(h, w) where two pictures differ."""
-    return (first != second).any(axis=-1)
-
-
-def hand(angles):
-    upper, fore = ARM.link_length
-    return np.array(
-        [
-            upper * np.cos(angles[0]) + fore * np.cos(np.sum(angles)),
-            upper * np.sin(angles[0]) + fore * np.sin(np.sum(angles)),
-        ]
-    )
-
-
-def is_near(mask, point, radius):
-    """Whether all of a mask lies within a radius (m) of a point."""
-    row, column = pixel(point)
-    rows, columns = np.nonzero(mask)
-    scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
-    return mask.any() and np.hypot(rows - row, columns - column).max() <= radius * scale + 2
 
 
 def in_channel(angle, point, stiffness=1000.0):

@@ -5,65 +5,23 @@ import sys
 
 import numpy as np
 import pytest
+from arm_pictures import ARM, SCENE, SIZE, changed, hand, is_near, picture, pixel
 
 from bilateral_rl.envs import canvas
 from bilateral_rl.envs.anatomy import Route, elbow_and_hand, moment_arms, muscle_course
 from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.canvas import Window, tile
-from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
+from bilateral_rl.envs.rendering import Scene, draw
 
 pygame = pytest.importorskip("pygame")
 
-ARM = ArmParameters()
 BOTH_WAYS = ArmParameters(joint_lower_limit=(-1.0, -2.0), joint_upper_limit=(2.0, 2.0))
 """An arm whose elbow bends either way."""
-SIZE = 480
-SCENE = Scene(
-    angles=np.radians([40.0, 80.0]),
-    activation=np.full(6, 0.2),
-    target=np.array([-0.2, 0.4]),
-    path=np.empty((0, 2)),
-    threshold=0.05,
-    load=np.zeros(2),
-)
 
 
 @pytest.fixture(autouse=True)
 def dummy_video(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-
-
-def picture(**changes):
-    return draw(ARM, SCENE._replace(**changes), SIZE)
-
-
-def pixel(point):
-    """(row, column) of a point in m, with the shoulder at the center and y up."""
-    scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
-    return round(SIZE / 2 - scale * point[1]), round(SIZE / 2 + scale * point[0])
-
-
-def changed(first, second):
-    """(h, w) where two pictures differ."""
-    return (first != second).any(axis=-1)
-
-
-def hand(angles):
-    upper, fore = ARM.link_length
-    return np.array(
-        [
-            upper * np.cos(angles[0]) + fore * np.cos(np.sum(angles)),
-            upper * np.sin(angles[0]) + fore * np.sin(np.sum(angles)),
-        ]
-    )
-
-
-def is_near(mask, point, radius):
-    """Whether all of a mask lies within a radius (m) of a point."""
-    row, column = pixel(point)
-    rows, columns = np.nonzero(mask)
-    scale = SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length))
-    return mask.any() and np.hypot(rows - row, columns - column).max() <= radius * scale + 2
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0), (0.7, 1.4), (2.3, 2.6)])
