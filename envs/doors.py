@@ -25,8 +25,8 @@ _SINGLE = 4
 """Bytes of a number in single precision."""
 
 
-_OF_LOADS = ("max_load", "load")
-"""Settings that have no effect on a task without a load."""
+_OF_LOADS, _OF_TWO_ARMS = ("max_load", "load"), ("two_arms",)
+"""Settings that have no effect on a task without a load, or of one arm."""
 
 
 def settings_for(task: Task, settings: Mapping[str, Any]) -> TrialSettings:
@@ -37,10 +37,16 @@ def settings_for(task: Task, settings: Mapping[str, Any]) -> TrialSettings:
     """
     usual, default = TrialSettings(**task.trial), TrialSettings()
     chosen = TrialSettings(**_merged(task.trial, settings))
-    for name in () if task.has_load else _OF_LOADS:
+    for name, lack in _without_effect(task).items():
         if getattr(chosen, name) not in (getattr(default, name), getattr(usual, name)):
-            raise ValueError(f"{name} has no effect on {_name(task)}, whose trials have no load: leave it out.")
+            raise ValueError(f"{name} has no effect on {_name(task)}, whose trials have {lack}: leave it out.")
     return chosen
+
+
+def _without_effect(task: Task) -> dict[str, str]:
+    """Return the settings that have no effect on ``task``, and what it has that makes them so."""
+    of_loads = {} if task.has_load else dict.fromkeys(_OF_LOADS, "no load")
+    return of_loads | ({} if task.n_arms > 1 else dict.fromkeys(_OF_TWO_ARMS, "one arm"))
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -54,7 +60,8 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 def arguments_for(task: Task, settings: TrialSettings) -> dict[str, Any]:
     """Return settings as arguments of an environment of ``task``: those that have an effect there."""
-    names = [field.name for field in dataclasses.fields(settings) if task.has_load or field.name not in _OF_LOADS]
+    without = _without_effect(task)
+    names = [field.name for field in dataclasses.fields(settings) if field.name not in without]
     return {name: getattr(settings, name) for name in names}
 
 

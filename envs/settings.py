@@ -12,6 +12,7 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.losses import LossSettings
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Positive, Whole
 from bilateral_rl.envs.refusals import refusing_in_a_sentence
+from bilateral_rl.envs.two_arms import TwoArmSettings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,8 +64,10 @@ class TrialSettings:
     """Lag of the seen hand (steps); null for ``feedback_delay``. The target is seen at once."""
     losses: LossSettings = field(default_factory=LossSettings)
     """Weights of the terms in the losses of both sides, and so of their rewards."""
+    two_arms: TwoArmSettings = field(default_factory=TwoArmSettings)
+    """What trials of two arms have beyond those of one, in the tasks that are of two."""
     arm: ArmParameters = field(default_factory=ArmParameters)
-    """Physical constants."""
+    """Physical constants, of both arms if there are two."""
 
     def __post_init__(self) -> None:
         for common, own in _OF_ITS_OWN.items():

@@ -50,8 +50,21 @@ class HandForces(NamedTuple):
     """(n, 2): stiffness (N/m) and damping (N·s/m) of the walls along the line through start and goal; 0: none."""
 
 
+class Spring(NamedTuple):
+    """What ties the two hands of ``n`` trials together, as :class:`~bilateral_rl.envs.two_arms.SpringSettings` say."""
+
+    stiffness: Float32
+    """(n,) (N/m)."""
+    damping: Float32
+    """(n,) (N·s/m)."""
+
+
 class Trials(NamedTuple):
-    """What sets ``n`` trials apart."""
+    """What sets ``n`` trials apart.
+
+    In a task of two arms every field but ``spring`` has the arms on a second axis, (n, 2, …), the dominant one first:
+    angles are each arm's own, which mirror each other; forces and positions are in the frame of the body.
+    """
 
     start: Float32
     """(n, 2): shoulder and elbow angle at the start (rad); the arm is at rest."""
@@ -63,6 +76,8 @@ class Trials(NamedTuple):
     """When targets change; None in a task without a timeline, whose targets are there from the start."""
     forces: HandForces | None = None
     """Further forces on the hand; None in a task without such."""
+    spring: Spring | None = None
+    """What ties the hands together; None in a task of one arm."""
 
 
 FEATURES = ("cue", "jump", "field", "pulse", "channel")
@@ -78,6 +93,7 @@ class Task(ABC):
 
     Attributes:
         id: name in commands and run folders.
+        n_arms: 1, or 2 for tasks of both arms.
         n_uniform: uniform numbers that one trial takes.
         has_load: whether its trials draw a load, as ``settings.load`` and ``settings.max_load`` say.
         has_timeline: whether its trials have a :class:`Timeline`.
@@ -88,6 +104,7 @@ class Task(ABC):
     """
 
     id: str
+    n_arms: Literal[1, 2] = 1
     n_uniform: int = 4
     has_load: bool = True
     has_timeline: bool = False
@@ -105,8 +122,9 @@ class Task(ABC):
             settings: how trials run: joint limits, and the largest load.
 
         Returns:
-            The trials, whose fields are arrays (n, 2) or lists, or one row where all trials have the same. Postures
-            lie within the joint limits; anything else is refused when the trials begin.
+            The trials, whose fields are arrays (n, 2) or lists, or one row where all trials have the same; of two arms
+            (n, 2, 2), as :class:`Trials` says. Postures lie within the joint limits; anything else is refused when the
+            trials begin.
         """
 
     def check(self, settings: TrialSettings) -> None:

@@ -34,6 +34,8 @@ SECTIONS = {
     "trial.losses": "Losses and rewards",
     "trial.losses.dominant": "Weights of the dominant loss",
     "trial.losses.non_dominant": "Weights of the non-dominant loss",
+    "trial.two_arms": "Trials of two arms",
+    "trial.two_arms.spring": "The spring between the hands",
     "trial.arm": "The arm",
     "evaluation": "Evaluations along the way",
     "blocks": "Blocks of an adaptation",
