@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import NEVER, HandForces, Trials
+from bilateral_rl.vocabulary import SIDES
 
 Float32 = NDArray[np.float32]
 Int32 = NDArray[np.int32]
@@ -25,8 +26,15 @@ NULL_FIELD = "null_field"
 
 @dataclass(frozen=True, eq=False)
 class TrialPlan:
-    """Of ``n`` trials; steps count from 0, and ``NEVER`` stands for one that does not come."""
+    """Of ``n`` trials; steps count from 0, and ``NEVER`` stands for one that does not come.
 
+    Trials of two arms have a row a hand, ``n`` is their number then, and positions are in the frame of the hand's arm.
+    """
+
+    trial: Int32
+    """(n,): number of the trial, from 0."""
+    hand: NDArray[np.str_]
+    """(n,): whose hand it is, "dominant" or "non_dominant"."""
     start: Float32
     """(n, 2): hand position at the start (m)."""
     goal: Float32
@@ -58,6 +66,11 @@ class TrialPlan:
         return np.where(self.jump < NEVER, self.jump, self.go).astype(np.int32)
 
     @property
+    def role(self) -> NDArray[np.str_]:
+        """(n,): "hold" of hands whose goal is where they start, "reach" of all others."""
+        return np.where(np.isnan(self.target_angle), "hold", "reach")
+
+    @property
     def written_condition(self) -> NDArray[np.str_]:
         """(n,): the condition as tables have it."""
         return np.where(self.condition == "null", NULL_FIELD, self.condition)
@@ -69,13 +82,14 @@ class TrialPlan:
         return np.array([condition in joined.split("+") for joined in self.condition], dtype=np.bool_)
 
 
-def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings) -> TrialPlan:
+def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings, n_arms: int = 1) -> TrialPlan:
     """Return the plan of checked trials.
 
     Args:
-        trials: (n, …) each.
+        trials: (n, …) each, a row a hand.
         target_index: (n,).
         settings: how they run; a cue or jump at the end of a trial, or later, does not come.
+        n_arms: of each trial.
     """
     n, length = len(trials.start), settings.trial_length
     start, goal = (hand_position(angles, settings.arm) for angles in (trials.start, trials.goal))
@@ -92,6 +106,8 @@ def plan_of(trials: Trials, target_index: Int32, settings: TrialSettings) -> Tri
     apart = np.linalg.norm(along, axis=1) > 0
     angle = np.where(apart, np.arctan2(along[:, 1], along[:, 0]), np.nan)
     return TrialPlan(
+        trial=np.arange(n, dtype=np.int32) // n_arms,
+        hand=np.resize(SIDES[:n_arms], n),
         start=start.astype(np.float32),
         goal=goal.astype(np.float32),
         go=go,

@@ -8,12 +8,15 @@ from bilateral_rl.analysis.trial_plans import TrialPlan
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.arm import ArmParameters
 from bilateral_rl.envs.tasks import NEVER
+from bilateral_rl.vocabulary import SIDES
 
 
 def plain_plan(start, goal) -> TrialPlan:
     """Return the plan of trials whose targets (n, 2) are there from the start (n, 2)."""
     n, along = len(goal), np.asarray(goal, dtype=np.float32) - start
     return TrialPlan(
+        trial=np.arange(n, dtype=np.int32),
+        hand=np.full(n, SIDES[0]),
         start=np.asarray(start, dtype=np.float32),
         goal=np.asarray(goal, dtype=np.float32),
         go=np.zeros(n, dtype=np.int32),
@@ -38,9 +41,9 @@ def without_forces(hand, target, load) -> dict[str, np.ndarray]:
     }
 
 
-def a_record(hand, target, **plan) -> TrialRecord:
-    """A record of hands (n, T + 1, 2) (m) that had targets (n, 2), with what is given of their plan."""
-    hand, target = np.asarray(hand, dtype=np.float32), np.asarray(target, dtype=np.float32)
+def a_record(path, target, **plan) -> TrialRecord:
+    """A record of paths (n, T + 1, 2) (m) of hands that had targets (n, 2), with what is given of their plan."""
+    hand, target = np.asarray(path, dtype=np.float32), np.asarray(target, dtype=np.float32)
     n, steps = len(hand), hand.shape[1] - 1
     rest = without_forces(hand, target, np.zeros((n, 2), dtype=np.float32))
     plan = {name: np.asarray(values) for name, values in plan.items()}
