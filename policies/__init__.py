@@ -13,12 +13,12 @@ from bilateral_rl.policies.actor_critic import (
     UnilateralPolicy,
 )
 from bilateral_rl.policies.lesions import LESIONS, Lesion
+from bilateral_rl.policies.motor_network import MotorNetwork
 from bilateral_rl.policies.motor_policy import MotorPolicy
 from bilateral_rl.policies.networks import (
     ARCHITECTURES,
     BilateralNetwork,
     CallosalNetwork,
-    MotorNetwork,
     UnilateralNetwork,
     make_network,
 )

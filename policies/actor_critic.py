@@ -12,8 +12,9 @@ from stable_baselines3.common.preprocessing import get_action_dim
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
+from bilateral_rl.policies.motor_network import MotorNetwork
 from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_commands, check_traces
-from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.networks import make_network
 from bilateral_rl.policies.quantities import finite, whole, widths
 from bilateral_rl.policies.sb3_arguments import NOT_AVAILABLE, available
 from bilateral_rl.vocabulary import Architecture

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 
-from bilateral_rl.policies.networks import MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
 
 
 class MotorPolicy(BasePolicy):

@@ -1,157 +1,27 @@
-"""The paper's three controllers as plain torch modules (paper section 1)."""
+"""The paper's three controllers as plain torch modules (paper section 1), for one arm or for two."""
 
 from __future__ import annotations
-
-import contextlib
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
 
 import torch
 from torch import Tensor, nn
 
-from bilateral_rl.policies.hidden_noise import HiddenNoise
-from bilateral_rl.policies.lesions import LESIONS, NO_LESION, Lesion, find_lesion
-from bilateral_rl.policies.quantities import finite, whole
-from bilateral_rl.vocabulary import GROUPS, SIDES, Architecture, Side
-
-
-class MotorNetwork(nn.Module, ABC):
-    """A controller from observation to muscle excitation; base class of the three architectures.
-
-    ``forward`` gives the output layer's values before the sigmoid, :meth:`excitation` the sigmoid of them. Both are
-    without noise unless they are given what ``noise.draw`` draws, as the policies do for every action.
-
-    Args:
-        n_inputs: size of the observation.
-        n_outputs: number of muscles.
-        units: units per hidden layer, over both sides (U).
-        layers: hidden layers (L).
-        hidden_noise: standard deviation of the noise on each hidden unit's activity.
-
-    Attributes:
-        lesion: the present lesion; set it with :meth:`set_lesion` or :meth:`lesioned`.
-        noise: what the noise of the hidden units is drawn from.
-
-    Raises:
-        ValueError: sizes that the architecture cannot have.
-    """
-
-    architecture: Architecture
-    sides: int = 1
-    """Stacks of hidden layers beside each other."""
-
-    def __init__(
-        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
-    ) -> None:
-        super().__init__()
-        self.n_inputs, self.n_outputs = whole("n_inputs", n_inputs), whole("n_outputs", n_outputs)
-        self.units, self.layers = whole("units", units), whole("layers", layers)
-        self.lesion = NO_LESION
-        self.noise = HiddenNoise(finite("hidden_noise", hidden_noise, 0.0), self.hidden_shape)
-
-    @property
-    def hidden_shape(self) -> tuple[int, int]:
-        """``(layers · sides, width)``: the hidden units, layer by layer, in each the dominant side first."""
-        return self.layers * self.sides, self.units // self.sides
-
-    @abstractmethod
-    def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
-        """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs).
-
-        Args:
-            observation: (…, n_inputs).
-            noise: (…, layers · sides, width), what is added to the activity of each hidden unit; None for nothing.
-        """
-
-    def hidden_layers(self, observation: Tensor, noise: Tensor | None = None) -> list[tuple[Tensor, ...]]:
-        """Map observations (…, n_inputs) to the activity of each hidden layer, with the present lesion.
-
-        Args:
-            observation: (…, n_inputs).
-            noise: (…, layers · sides, width), what is added to the activity of each hidden unit; None for nothing.
-
-        Returns:
-            For each layer, the activity of the dominant and the non-dominant side (…, U/2), or of the only one (…, U);
-            nothing where an architecture of one's own does not tell.
-        """
-        return []
-
-    def excitation(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
-        """Map observations (…, n_inputs) to muscle excitations (…, n_outputs) in [0, 1].
-
-        Args:
-            observation: (…, n_inputs).
-            noise: as in :meth:`forward`.
-        """
-        return torch.sigmoid(self(observation, noise))
-
-    @abstractmethod
-    def group_of(self, name: str) -> str:
-        """Return which of ``GROUPS`` owns the parameter called ``name`` in ``named_parameters()``."""
-
-    def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
-        """Return the parameters of each group; a group may be empty."""
-        groups: dict[str, list[nn.Parameter]] = {group: [] for group in GROUPS}
-        for name, parameter in self.named_parameters():
-            groups[self.group_of(name)].append(parameter)
-        return groups
-
-    def constrain(self) -> None:
-        """Project the parameters back onto their allowed set, after every update; here every value is allowed."""
-
-    def combination_weights(self) -> dict[Side, float]:
-        """Return the weight of each side in the combination; empty for a network without sides."""
-        return {}
-
-    def available_lesions(self) -> tuple[str, ...]:
-        """Return the names of the lesions that the architecture can have; here none."""
-        return ()
-
-    def set_lesion(self, lesion: str | Lesion) -> None:
-        """Lesion the network, or restore it with ``"intact"``; weights are untouched.
-
-        Raises:
-            ValueError: a lesion that is unknown or that this architecture cannot have.
-        """
-        new_lesion = find_lesion(lesion) if isinstance(lesion, str) else lesion
-        self._check_lesion(new_lesion, str(lesion))
-        self.lesion = new_lesion
-
-    @contextlib.contextmanager
-    def lesioned(self, lesion: str | Lesion) -> Iterator[None]:
-        """Lesion the network within a ``with`` block; afterwards it is as it was before.
-
-        Raises:
-            ValueError: a lesion that is unknown or that this architecture cannot have.
-        """
-        before = self.lesion
-        self.set_lesion(lesion)
-        try:
-            yield
-        finally:
-            self.lesion = before
-
-    def extra_repr(self) -> str:
-        """Return what torch shows besides the layers."""
-        return f"hidden_noise={self.noise.std:g}" if self.noise.std else ""
-
-    def _check_lesion(self, lesion: Lesion, name: str) -> None:
-        """Raise a ValueError, in which the lesion is called ``name``, if the architecture cannot have it."""
-        if lesion != NO_LESION:
-            raise ValueError(f"a {self.architecture} network has no hemispheres to lesion ({name}).")
+from bilateral_rl.policies.arms import crossed, paths
+from bilateral_rl.policies.lesions import LESIONS, Lesion
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.vocabulary import SIDES, Architecture, Side
 
 
 class UnilateralNetwork(MotorNetwork):
-    """Dense layers n_inputs → U → … → U → n_outputs, tanh in between; every parameter is shared."""
+    """Dense layers n_inputs → U → … → U → n_outputs, tanh in between; every parameter is shared.
+
+    With two arms, all of it sees the views of both, and commands both.
+    """
 
     architecture: Architecture = "unilateral"
 
-    def __init__(
-        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
-    ) -> None:
-        super().__init__(n_inputs, n_outputs, units, layers, hidden_noise)
-        self.hidden = _stack(n_inputs, units, layers)
-        self.output = _dense(units, n_outputs)
+    def _build(self) -> None:
+        self.hidden = _stack(self.n_inputs, self.units, self.layers)
+        self.output = _dense(self.units, self.n_outputs)
 
     def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
@@ -179,35 +49,59 @@ class BilateralNetwork(MotorNetwork):
     """Two stacks n_inputs → U/2 → … → U/2 that see the same input, combined by two weights that stay ≥ 0.
 
     The last hidden layers enter the output layer as w_dominant · h_dominant + w_non_dominant · h_non_dominant.
+
+    With two arms, each stack sees the view of the arm opposite to it (n_inputs / 2), which for the dominant hemisphere
+    is the dominant one, and each arm has such a combination and an output layer (n_outputs / 2) of its own. Its weights
+    are 1 − i for the opposite hemisphere and i for that of its own side, ``ipsilateral_share``, and fixed unless
+    ``trained_combination``.
     """
 
     architecture: Architecture = "bilateral"
     sides = len(SIDES)
 
-    def __init__(
-        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
-    ) -> None:
-        super().__init__(n_inputs, n_outputs, units, layers, hidden_noise)
-        if units % 2:
-            raise ValueError(f"a {self.architecture} network splits its units over two sides: {units} is odd.")
-        half = units // 2
-        self.dominant = _stack(n_inputs, half, layers)
-        self.non_dominant = _stack(n_inputs, half, layers)
-        self.combination_dominant = nn.Parameter(torch.tensor(0.5))
-        self.combination_non_dominant = nn.Parameter(torch.tensor(0.5))
-        self.output = _dense(half, n_outputs)
+    def _build(self) -> None:
+        if self.units % 2:
+            raise ValueError(f"a {self.architecture} network splits its units over two sides: {self.units} is odd.")
+        half = self.units // 2
+        self.dominant = _stack(self.n_inputs_per_arm, half, self.layers)
+        self.non_dominant = _stack(self.n_inputs_per_arm, half, self.layers)
+        self.combination_dominant = self._combination("dominant")
+        self.combination_non_dominant = self._combination("non_dominant")
+        self.output = self._output(half)
+        self._paths = paths(self.n_arms, self.ipsilateral_share)
+
+    def _combination(self, side: Side) -> nn.Parameter:
+        """Return a side's weight in the commands (), or with two arms its weights in those to each (2,)."""
+        if self.ipsilateral_share is None:
+            return nn.Parameter(torch.tensor(0.5))
+        weights = torch.tensor(crossed(side, self.ipsilateral_share))
+        return nn.Parameter(weights, requires_grad=bool(self.trained_combination))
+
+    def _output(self, width: int) -> nn.Module:
+        """Build the output layer, or with two arms one for each."""
+        if self.n_arms == 1:
+            return _dense(width, self.n_outputs)
+        return nn.ModuleDict({arm: _dense(width, self.n_outputs_per_arm) for arm in SIDES})
+
+    @property
+    def output_layers(self) -> tuple[nn.Linear, ...]:
+        """The output layer of each arm, from U/2 units to n_outputs / n_arms muscles."""
+        layers = [self.output] if self.n_arms == 1 else [self.output.get_submodule(arm) for arm in SIDES]
+        return tuple(layers)  # type: ignore[arg-type] # torch: "modules"
 
     def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
+        activity = self.hemispheres(observation, noise)
+        outputs = [layer(self._combined(arm, activity)) for arm, layer in enumerate(self.output_layers)]
+        return outputs[0] if self.n_arms == 1 else torch.cat(outputs, dim=-1)
+
+    def contributions(self, observation: Tensor, noise: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Return what each side adds to the muscle commands before the sigmoid (…, n_outputs), with the present lesion.
+
+        That is its last hidden layer times its combination weight, through the output layer without its bias.
+        """
         d, n = self.hemispheres(observation, noise)
-        # A side with a deep lesion is left out of the sum, but has sent its activity over the callosum.
-        combined = torch.zeros_like(d)  # (…, U/2)
-        if self.lesion.output_of != "dominant":
-            combined = combined + self.combination_dominant * d
-        if self.lesion.output_of != "non_dominant":
-            combined = combined + self.combination_non_dominant * n
-        output: Tensor = self.output(combined)
-        return output
+        return self._contribution("dominant", d), self._contribution("non_dominant", n)
 
     def hemispheres(self, observation: Tensor, noise: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Map observations (…, n_inputs) to the last hidden layers, dominant and non-dominant, (…, U/2) each."""
@@ -222,8 +116,9 @@ class BilateralNetwork(MotorNetwork):
         lesion = self.lesion
         layers: list[tuple[Tensor, ...]] = []
         # A side with a shallow lesion sees zeros; its biases still drive it.
-        d = torch.zeros_like(observation) if lesion.input_of == "dominant" else observation
-        n = torch.zeros_like(observation) if lesion.input_of == "non_dominant" else observation
+        d, n = self._views(observation)
+        d = torch.zeros_like(d) if lesion.input_of == "dominant" else d
+        n = torch.zeros_like(n) if lesion.input_of == "non_dominant" else n
         for k, (dominant, non_dominant) in enumerate(zip(self.dominant, self.non_dominant, strict=True)):
             if k > 0:  # before the first layer there is no activity yet to tell the other side
                 d, n = self._exchange(d, n)
@@ -234,27 +129,71 @@ class BilateralNetwork(MotorNetwork):
         return layers
 
     def group_of(self, name: str) -> str:
-        """Return the side whose stack holds the parameter; combination and output layers are "shared"."""
-        prefix = name.split(".")[0]
+        """Return the side whose stack holds the parameter; combination and output layers are "shared".
+
+        Without a path to the arm of its own side, a hemisphere owns the output layer that it alone commands.
+        """
+        prefix, _, rest = name.partition(".")
+        if self.ipsilateral_share == 0:
+            prefix = rest.partition(".")[0] if prefix == "output" else prefix.removeprefix("combination_")
         return prefix if prefix in SIDES else "shared"
 
     def constrain(self) -> None:
-        """Set negative combination weights to zero, unless they are frozen and require no gradient."""
+        """Set negative combination weights to zero, unless they are fixed or frozen and require no gradient."""
         with torch.no_grad():
             for weight in (self.combination_dominant, self.combination_non_dominant):
                 if weight.requires_grad:
                     weight.clamp_(min=0.0)
 
-    def combination_weights(self) -> dict[Side, float]:
-        """Return the weight of each side in the combination."""
+    def combination_weights(self) -> dict[str, float]:
+        """Return the weight of each side in the combination; with two arms in that of each arm to which it has a path.
+
+        With two arms, the names are ``"dominant_arm/non_dominant"`` and so on, first the arm's and then the side's.
+        """
+        if self.n_arms == 1:
+            return {side: float(self._weight(side, 0).detach()) for side in SIDES}
         return {
-            "dominant": float(self.combination_dominant.detach()),
-            "non_dominant": float(self.combination_non_dominant.detach()),
+            f"{name}_arm/{side}": float(self._weight(side, arm).detach())
+            for arm, name in enumerate(SIDES)
+            for side in SIDES
+            if (arm, side) in self._paths
         }
 
     def available_lesions(self) -> tuple[str, ...]:
         """Return the names of the lesions that leave the callosum alone, for there is none."""
         return tuple(name for name, lesion in LESIONS.items() if not lesion.callosum)
+
+    def _weight(self, side: Side, arm: int) -> Tensor:
+        """Return the weight () of a side in the combination of an arm."""
+        weight: Tensor = getattr(self, f"combination_{side}")
+        return weight if self.n_arms == 1 else weight[arm]
+
+    def _sends(self, side: Side, arm: int) -> bool:
+        """Whether a side has a path to an arm, and no lesion that cuts it."""
+        return self.lesion.output_of != side and (arm, side) in self._paths
+
+    def _combined(self, arm: int, activity: tuple[Tensor, Tensor]) -> Tensor:
+        """Return what enters an arm's output layer (…, U/2), from the last hidden layers."""
+        # A side with a deep lesion is left out of the sum, but has sent its activity over the callosum.
+        combined = torch.zeros_like(activity[0])
+        for side, h in zip(SIDES, activity, strict=True):
+            if self._sends(side, arm):
+                combined = combined + self._weight(side, arm) * h
+        return combined
+
+    def _contribution(self, side: Side, h: Tensor) -> Tensor:
+        """Return what a side's last hidden layer (…, U/2) adds to the commands to all arms (…, n_outputs)."""
+        parts = [
+            self._weight(side, arm) * self._sends(side, arm) * h @ layer.weight.T
+            for arm, layer in enumerate(self.output_layers)
+        ]
+        return parts[0] if self.n_arms == 1 else torch.cat(parts, dim=-1)
+
+    def _views(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Return what each side sees: all (…, n_inputs), or with two arms the view of the opposite one."""
+        if self.n_arms == 1:
+            return observation, observation
+        return observation[..., : self.n_inputs_per_arm], observation[..., self.n_inputs_per_arm :]
 
     def _exchange(self, dominant: Tensor, non_dominant: Tensor) -> tuple[Tensor, Tensor]:
         """Return the sides' activities (…, U/2) as they enter the next layer; without a callosum, unchanged."""
@@ -275,14 +214,14 @@ class CallosalNetwork(BilateralNetwork):
 
     architecture: Architecture = "callosal"
 
-    def __init__(
-        self, n_inputs: int, n_outputs: int, units: int = 10, layers: int = 2, hidden_noise: float = 0.0
-    ) -> None:
-        super().__init__(n_inputs, n_outputs, units, layers, hidden_noise)
-        if units < 4:
-            raise ValueError(f"a callosal network needs at least 4 units, two a side to pool, got {units}.")
-        if layers < 2:
-            raise ValueError(f"a callosal network needs at least 2 hidden layers to exchange between, got {layers}.")
+    def _build(self) -> None:
+        if self.units < 4:
+            raise ValueError(f"a callosal network needs at least 4 units, two a side to pool, got {self.units}.")
+        if self.layers < 2:
+            raise ValueError(
+                f"a callosal network needs at least 2 hidden layers to exchange between, got {self.layers}."
+            )
+        super()._build()
 
     def available_lesions(self) -> tuple[str, ...]:
         """Return the names of all lesions."""
@@ -336,15 +275,19 @@ def make_network(
     architecture: Architecture,
     n_inputs: int,
     n_outputs: int,
-    units: int = 10,
+    units: int | None = None,
     layers: int = 2,
     hidden_noise: float = 0.0,
+    n_arms: int = 1,
+    ipsilateral_share: float | None = None,
+    trained_combination: bool | None = None,
 ) -> MotorNetwork:
     """Build a network with random weights; the arguments are those of :class:`MotorNetwork`.
 
     Raises:
-        ValueError: an unknown architecture, or sizes that it cannot have.
+        ValueError: an unknown architecture, sizes that it cannot have, or an argument that could not have its effect.
     """
     if architecture not in ARCHITECTURES:
         raise ValueError(f"unknown architecture {architecture!r}; choose from {', '.join(ARCHITECTURES)}.")
-    return ARCHITECTURES[architecture](n_inputs, n_outputs, units, layers, hidden_noise)
+    make = ARCHITECTURES[architecture]
+    return make(n_inputs, n_outputs, units, layers, hidden_noise, n_arms, ipsilateral_share, trained_combination)

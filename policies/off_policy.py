@@ -15,8 +15,9 @@ from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
+from bilateral_rl.policies.motor_network import MotorNetwork
 from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_commands
-from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.networks import make_network
 from bilateral_rl.policies.quantities import finite, switch, whole, widths
 from bilateral_rl.policies.sb3_arguments import NOT_AVAILABLE, available
 from bilateral_rl.policies.stream_critics import StreamCritics

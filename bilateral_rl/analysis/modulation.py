@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.io.threads import one_torch_thread
-from bilateral_rl.policies.networks import BilateralNetwork, MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import BilateralNetwork
 from bilateral_rl.vocabulary import SIDES, Side
 
 Floating = NDArray[np.floating]
@@ -101,14 +102,9 @@ def contributions(
     That is the side's last hidden layer times its combination weight, through the output layer without its bias. A side
     with a deep lesion adds nothing. With noise of hidden units, (n, T, layers · sides, width), that is in it.
     """
-    weights, output = network.combination_weights(), network.output.weight
     with one_torch_thread(), torch.no_grad():
-        activity = network.hemispheres(torch.from_numpy(observation).to(output), noise)  # (n, T, U/2) each
-        added = [
-            (weights[side] * (network.lesion.output_of != side) * h @ output.T).cpu().numpy()
-            for side, h in zip(SIDES, activity, strict=True)
-        ]
-    return Contributions(*added)
+        added = network.contributions(torch.from_numpy(observation).to(network.combination_dominant), noise)
+        return Contributions(*(side.cpu().numpy() for side in added))
 
 
 def modulation_of(added: Contributions) -> SideModulation:

@@ -38,7 +38,8 @@ from bilateral_rl.envs.trial_arrays import N_SENSED
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import Lesion
-from bilateral_rl.policies.networks import BilateralNetwork, MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import BilateralNetwork
 
 Float32 = NDArray[np.float32]
 

@@ -15,7 +15,8 @@ from bilateral_rl.analysis.trial_plans import CONDITIONS, NULL_FIELD
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY
 from bilateral_rl.envs.trials import TrialBatch
-from bilateral_rl.policies.networks import BilateralNetwork, MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import BilateralNetwork
 from bilateral_rl.vocabulary import SIDES
 
 Float32 = NDArray[np.float32]

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from bilateral_rl.bptt.network_kernels import NetworkShape
-from bilateral_rl.policies.networks import MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
 from bilateral_rl.vocabulary import SIDES
 
 _ALIGNMENT = 16

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from bilateral_rl.policies.networks import MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
 
 INPUT_DOMINANT, INPUT_NON_DOMINANT, OUTPUT_DOMINANT, OUTPUT_NON_DOMINANT, CALLOSUM, N_GATES = range(6)
 """Gates of a network, each 1 where open and 0 where a lesion has closed it."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from bilateral_rl.policies.lesions import Lesion
-from bilateral_rl.policies.networks import MotorNetwork, make_network
-from bilateral_rl.vocabulary import Architecture
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import make_network
 
 _DRAWS, _INPUTS = 64, 4
 """Networks that are drawn, and inputs of each. Where the callosum pools two units, each of them is the larger one in
@@ -21,15 +22,14 @@ def reached_weights(network: MotorNetwork, lesion: Lesion) -> dict[str, Tensor]:
 
     This is a matter of structure: neither the network's present weights nor its present lesion count.
     """
-    sizes = (network.n_inputs, network.n_outputs, network.units, network.layers)
-    return _reached(network.architecture, sizes, lesion)
+    return _reached(tuple(network.arguments.items()), lesion)
 
 
 @functools.lru_cache(maxsize=64)
-def _reached(architecture: Architecture, sizes: tuple[int, int, int, int], lesion: Lesion) -> dict[str, Tensor]:
+def _reached(arguments: tuple[tuple[str, Any], ...], lesion: Lesion) -> dict[str, Tensor]:
     """Back-propagate through random networks, in double precision, and see where a gradient is not 0."""
     with torch.random.fork_rng(devices=[]):
-        network = make_network(architecture, *sizes).double()
+        network = make_network(**dict(arguments)).double()
     network.set_lesion(lesion)
     generator = torch.Generator().manual_seed(0)
     reached = {name: torch.zeros(p.shape, dtype=torch.bool) for name, p in network.named_parameters()}
@@ -40,7 +40,7 @@ def _reached(architecture: Architecture, sizes: tuple[int, int, int, int], lesio
                 fan_in = parameter.shape[-1] if parameter.ndim > 1 else 1
                 drawn = torch.randn(parameter.shape, generator=generator, dtype=torch.float64)
                 parameter.copy_(drawn / fan_in**0.5)  # far from saturation, where gradients vanish
-        inputs = torch.randn(_INPUTS, sizes[0], generator=generator, dtype=torch.float64)
+        inputs = torch.randn(_INPUTS, network.n_inputs, generator=generator, dtype=torch.float64)
         network(inputs).square().sum().backward()
         for name, parameter in network.named_parameters():
             if parameter.grad is not None:

@@ -6,7 +6,7 @@ from bilateral_rl.config.catalogue import check_choice
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS, LESIONS_OF, NO_LESION, Lesion
-from bilateral_rl.policies.networks import MotorNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
 from bilateral_rl.runs.folder import RunFolder
 
 

@@ -20,7 +20,8 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.text import seed_range
 from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
-from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import make_network
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.vocabulary import stream_mix
 

@@ -9,14 +9,14 @@ import torch
 from bilateral_rl.bptt.trials import initial_weights_seed
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.tensors import Tensors
-from bilateral_rl.policies.networks import MotorNetwork, make_network
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import make_network
 from bilateral_rl.runs.policies import build_network
 
 
 def fresh_copy(network: MotorNetwork, seed: int) -> Tensors:
     """Return the ``state_dict()`` of a freshly initialized network of the same architecture and sizes."""
-    sizes = (network.n_inputs, network.n_outputs, network.units, network.layers)
-    return _made(lambda: make_network(network.architecture, *sizes), seed)
+    return _made(lambda: make_network(**network.arguments), seed)
 
 
 def fresh_network(config: TrainConfig, seed: int) -> Tensors:

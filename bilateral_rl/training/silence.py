@@ -9,7 +9,7 @@ from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.vocabulary import Side, group_penalties
 
 
-def silence_notes(modulation: SideModulation, weights: Mapping[Side, float], config: TrainConfig) -> list[str]:
+def silence_notes(modulation: SideModulation, weights: Mapping[str, float], config: TrainConfig) -> list[str]:
     """Return a sentence for each side that is silent: how much it supplies, why, and what may be done.
 
     Args:

@@ -12,15 +12,16 @@ from bilateral_rl.policies.lesions import NO_LESION, Lesion
 MakeNetwork = Callable[..., MotorNetwork]
 
 
-def _random_network(architecture, n_inputs=16, n_outputs=6, units=10, layers=2, seed=0):
+def _random_network(architecture, n_inputs=16, n_outputs=6, units=10, layers=2, seed=0, **arms):
     """A network whose every parameter, biases too, is random, so that no lesion is without effect."""
-    network = make_network(architecture, n_inputs, n_outputs, units, layers)
+    network = make_network(architecture, n_inputs, n_outputs, units, layers, **arms)
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for parameter in network.parameters():
-            parameter.copy_(0.6 * torch.randn(parameter.shape, generator=generator))
+            if parameter.requires_grad:  # not the weights of a combination that is fixed
+                parameter.copy_(0.6 * torch.randn(parameter.shape, generator=generator))
     network.constrain()
-    if architecture != "unilateral":
+    if architecture != "unilateral" and not arms:
         with torch.no_grad():
             network.combination_dominant.fill_(0.7)
             network.combination_non_dominant.fill_(0.4)
@@ -43,9 +44,11 @@ def _reference_forward(
         for k in range(network.layers):
             x = np.tanh(dense(f"hidden.{k}", x)) + noise[:, k, 0]
         return dense("output", x)
+    half = observation.shape[1] // 2
+    views = [observation] * 2 if network.n_arms == 1 else [observation[:, :half], observation[:, half:]]
     activity = {
-        side: np.zeros_like(observation) if lesion.input_of == side else observation
-        for side in ("dominant", "non_dominant")
+        side: np.zeros_like(view) if lesion.input_of == side else view
+        for side, view in zip(("dominant", "non_dominant"), views, strict=True)
     }
     for k in range(network.layers):
         if k > 0 and network.architecture == "callosal" and not lesion.callosum:
@@ -58,8 +61,14 @@ def _reference_forward(
         activity = {side: np.tanh(dense(f"{side}.{k}", x)) for side, x in activity.items()}
         for i, side in enumerate(("dominant", "non_dominant")):
             activity[side] += noise[:, k, i, : network.units // 2]
-    combined = sum(weights[f"combination_{side}"] * x for side, x in activity.items() if lesion.output_of != side)
-    return dense("output", combined)
+    sent = {side: x for side, x in activity.items() if lesion.output_of != side}
+    if network.n_arms == 1:
+        return dense("output", sum(weights[f"combination_{side}"] * x for side, x in sent.items()))
+    commands = [
+        dense(f"output.{arm}", sum(weights[f"combination_{side}"][a] * x for side, x in sent.items()))
+        for a, arm in enumerate(("dominant", "non_dominant"))
+    ]
+    return np.concatenate(commands, axis=1)
 
 
 @pytest.fixture

@@ -16,8 +16,9 @@ from torch import nn
 from bilateral_rl import policies
 from bilateral_rl.policies import BilateralActorCriticPolicy, BilateralSACPolicy, BilateralTD3Policy
 from bilateral_rl.policies.lesions import Lesion
+from bilateral_rl.policies.motor_network import MotorNetwork
 from bilateral_rl.policies.motor_policy import MotorPolicy
-from bilateral_rl.policies.networks import CallosalNetwork, MotorNetwork, make_network
+from bilateral_rl.policies.networks import CallosalNetwork, make_network
 from bilateral_rl.vocabulary import SIDES
 
 PARENT = {
@@ -255,11 +256,21 @@ def test_every_public_class_is_looked_at():
         assert inspect.signature(alias) == inspect.signature(BilateralActorCriticPolicy)
 
 
+def shown(network):
+    """What a network is made of, with which combinations, trained or not."""
+    combination = network.combination_weights()
+    return repr(network), combination, [parameter.requires_grad for parameter in network.parameters()]
+
+
 def test_every_argument_of_a_network_shows():
-    arguments = {"n_inputs": 5, "n_outputs": 6, "units": 8, "layers": 2, "hidden_noise": 0, "architecture": "callosal"}
-    others = {"n_inputs": 4, "n_outputs": 3, "units": 12, "layers": 3, "hidden_noise": 0.1, "architecture": "bilateral"}
+    arguments = {"n_inputs": 6, "n_outputs": 6, "units": 8, "layers": 2, "hidden_noise": 0, "architecture": "callosal",
+                 "n_arms": 2, "ipsilateral_share": 0.1, "trained_combination": False}  # fmt: skip
+    others = {"n_inputs": 4, "n_outputs": 4, "units": 12, "layers": 3, "hidden_noise": 0.1, "architecture": "bilateral",
+              "n_arms": 1, "ipsilateral_share": 0.0, "trained_combination": True}  # fmt: skip
+    of_one_arm = {"ipsilateral_share": None, "trained_combination": None}
     assert arguments.keys() == others.keys() == inspect.signature(make_network).parameters.keys()
-    plain = repr(make_network(**arguments))
+    plain = shown(make_network(**arguments))
     for name, value in others.items():
-        assert repr(make_network(**(arguments | {name: value}))) != plain, name
+        changed = arguments | {name: value} | (of_one_arm if name == "n_arms" else {})
+        assert shown(make_network(**changed)) != plain, name
     assert make_network("callosal", np.int64(5), 6, np.int32(8)).units == 8

@@ -18,7 +18,8 @@ from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import Arm
 from bilateral_rl.envs.arm.physics import FORCE, LENGTH, VELOCITY
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION
-from bilateral_rl.policies.networks import MotorNetwork, UnilateralNetwork
+from bilateral_rl.policies.motor_network import MotorNetwork
+from bilateral_rl.policies.networks import UnilateralNetwork
 from bilateral_rl.runs.policies import build_policy
 from bilateral_rl.vocabulary import SIDES
 
