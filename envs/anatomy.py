@@ -15,6 +15,7 @@ from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.canvas import Points
 
 _FLEXION, _EXTENSION = 1.0, -1.0
+_GIRDLE = -0.13 * np.array((math.cos(math.radians(15)), math.sin(math.radians(15))))  # where the shoulder girdle begins
 
 
 class Route(NamedTuple):
@@ -45,6 +46,11 @@ def elbow_and_hand(arm: ArmParameters, angles: Points) -> tuple[Points, Points]:
     """Return the positions (2,) of elbow and hand (m) at a posture (2,) (rad)."""
     position = physics.hand(_parameters(arm), _at_rest(angles))
     return arm.link_length[0] * direction(angles[0]), np.array([position[0], position[1]])
+
+
+def joint_positions(arm: ArmParameters, angles: Points) -> Points:
+    """Return the positions (4, 2) of where the shoulder girdle begins, shoulder, elbow and hand (m) at a posture."""
+    return np.stack((_GIRDLE, np.zeros(2), *elbow_and_hand(arm, angles)))
 
 
 def moment_arms(arm: ArmParameters, angles: Points) -> Points:

@@ -13,8 +13,11 @@ FORCE_SCALE = 0.01
 """Length of an arrow by its force (m/N)."""
 FORCE, _FAINT_FORCE = (118, 42, 131), (205, 180, 212)
 
-_HAND_RADIUS, _HEAD, _HALF_HEAD = 0.013, 0.024, 0.012  # m
+HAND_RADIUS = 0.013
+"""Radius of the hand's disc (m)."""
+
 _LEAST_FORCE = 0.05  # N, that is written as 0.1
+_HEAD, _HALF_HEAD = 0.024, 0.012  # m
 _WALLS_APART = 0.012  # m
 _GRID = 0.06 * np.arange(-2, 3)  # m from the hand
 _GLYPH_RADIUS, _GLYPH_ARROW = 0.045, 0.04  # m
@@ -64,28 +67,44 @@ def draw_surroundings(canvas: Canvas, forces: HandForceScene, hand: Points, reac
             _draw_small_arrow(canvas, place, _shortened(arrow, 0.9 * _GRID[-1] / 2), _FAINT_FORCE)
 
 
-def draw_legend(canvas: Canvas, forces: HandForceScene) -> None:
-    """Draw, above the scale bar, how long an arrow of 10 N is, and what a velocity field does in eight directions."""
-    left, bottom = 0.03 - canvas.half, 0.105 - canvas.half
-    draw_arrow(canvas, np.array((left, bottom)), np.array((10 * FORCE_SCALE - _HEAD, 0.0)), FORCE)
-    canvas.text((left + 0.05, bottom + 0.03), "10 N", FORCE)
-    if forces.velocity_gain.any() and forces.channel() is None:
-        _draw_velocity_field(canvas, forces.velocity_gain, np.array((left + 0.115, bottom + 0.16)))
+def draw_scale(canvas: Canvas, color: Color = FORCE) -> None:
+    """Draw, above the scale bar, how long an arrow of 10 N is."""
+    base = np.array((canvas.left + 0.03, canvas.bottom + 0.105))
+    draw_arrow(canvas, base, np.array((10 * FORCE_SCALE - _HEAD, 0.0)), color)
+    canvas.text(base + np.array((0.05, 0.03)), "10 N", color)
 
 
-def draw_force(canvas: Canvas, hand: Points, force: Points) -> None:
-    """Draw the present force (2,) (N) as an arrow from the hand (2,), cut at the picture's edge, with its size."""
+def draw_velocity_field(canvas: Canvas, forces: HandForceScene, corner: Points) -> None:
+    """Draw what a velocity field does in eight directions, to the right of ``corner`` (2,) and above it.
+
+    These are directions of the hand at speeds that are alike: dots, and arrows from them.
+    """
+    if not forces.velocity_gain.any() or forces.channel() is not None:
+        return
+    center = canvas.inside(corner + np.array((0.115, 0.16)))
+    angles = np.pi / 4 * np.arange(8)
+    directions = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    by_direction = directions @ np.asarray(forces.velocity_gain, dtype=float).T
+    longest = np.linalg.norm(by_direction, axis=1).max()
+    for direction, force in zip(directions, by_direction, strict=True):
+        canvas.line(np.stack((center, center + _GLYPH_RADIUS * direction)), _FAINT_FORCE, 1)
+        _draw_small_arrow(canvas, center + _GLYPH_RADIUS * direction, _GLYPH_ARROW * force / longest, FORCE)
+    canvas.text(canvas.inside(corner + np.array((0.0, 0.265))), "force by velocity", FORCE, centered=False)
+
+
+def draw_force(canvas: Canvas, hand: Points, force: Points, color: Color = FORCE, written: bool = True) -> None:
+    """Draw a force (2,) (N) as an arrow from the hand (2,), cut at the picture's edge, with its size if ``written``."""
     size = float(np.linalg.norm(force))
     if size < _LEAST_FORCE:
         return
     along = force / size
-    base = hand + _HAND_RADIUS * along
-    room = _distance_to_edge(base, along, canvas.half - 0.02) - _HEAD
-    draw_arrow(canvas, base, max(min(FORCE_SCALE * size, room), 0.0) * along, FORCE)
-    aside = 0.04 * along[::-1] * (-1, 1)
-    canvas.text(
-        hand + (_HAND_RADIUS + 0.6 * min(FORCE_SCALE * size, max(room, 0.0))) * along + aside, f"{size:.1f} N", FORCE
-    )
+    base = hand + HAND_RADIUS * along
+    room = canvas.room(base, along, 0.02) - _HEAD
+    draw_arrow(canvas, base, max(min(FORCE_SCALE * size, room), 0.0) * along, color)
+    if written:
+        aside = 0.04 * along[::-1] * (-1, 1)
+        middle = hand + (HAND_RADIUS + 0.6 * min(FORCE_SCALE * size, max(room, 0.0))) * along
+        canvas.text(middle + aside, f"{size:.1f} N", color)
 
 
 def draw_arrow(canvas: Canvas, base: Points, shaft: Points, color: Color) -> None:
@@ -95,18 +114,6 @@ def draw_arrow(canvas: Canvas, base: Points, shaft: Points, color: Color) -> Non
     across, barb = along[::-1] * (-1, 1), base + shaft
     canvas.line(np.stack((base, barb)), color, 2.5)
     canvas.polygon(np.stack((barb + _HEAD * along, barb + _HALF_HEAD * across, barb - _HALF_HEAD * across)), color)
-
-
-def _draw_velocity_field(canvas: Canvas, gain: NDArray[Any], center: Points) -> None:
-    """Draw the force by the direction in which the hand moves, at speeds that are alike: dots and arrows from them."""
-    angles = np.pi / 4 * np.arange(8)
-    directions = np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    forces = directions @ np.asarray(gain, dtype=float).T
-    longest = np.linalg.norm(forces, axis=1).max()
-    for direction, force in zip(directions, forces, strict=True):
-        canvas.line(np.stack((center, center + _GLYPH_RADIUS * direction)), _FAINT_FORCE, 1)
-        _draw_small_arrow(canvas, center + _GLYPH_RADIUS * direction, _GLYPH_ARROW * force / longest, FORCE)
-    canvas.text((0.03 - canvas.half, center[1] + 0.105), "force by velocity", FORCE, centered=False)
 
 
 def _draw_small_arrow(canvas: Canvas, base: Points, arrow: Points, color: Color) -> None:
@@ -122,10 +129,3 @@ def _draw_small_arrow(canvas: Canvas, base: Points, arrow: Points, color: Color)
 
 def _shortened(arrow: Points, longest: float) -> Points:
     return np.asarray(arrow * min(1.0, longest / max(float(np.linalg.norm(arrow)), 1e-12)))
-
-
-def _distance_to_edge(base: Points, along: Points, half: float) -> float:
-    """Return how far from ``base`` a ray leaves the square of side 2 ``half`` around the origin (m)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distances = (np.sign(along) * half - base) / along
-    return float(np.nanmin(np.where(along != 0, distances, np.inf)))

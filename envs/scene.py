@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.physics import ACTIVATION
+from bilateral_rl.envs.arm_drawing import ArmScene, CueScene
 from bilateral_rl.envs.canvas import Window, tile
 from bilateral_rl.envs.force_drawing import HandForceScene
-from bilateral_rl.envs.rendering import CueScene, Scene, draw
+from bilateral_rl.envs.rendering import Scene, draw
 from bilateral_rl.envs.trials import TrialBatch
 
 RENDER_MODES = ("rgb_array", "human")
@@ -78,17 +79,16 @@ class SceneView:
 
     def _picture(self, arm: int) -> Picture:
         batch = self._batch
-        scene = Scene(
+        one = ArmScene(
             angles=batch.joint[arm, :2],
             activation=batch.muscle[arm, ACTIVATION],
             target=batch.target[arm],
             path=np.array(self._paths[arm]).reshape(-1, 2),
-            threshold=batch.settings.threshold,
             load=batch.load[arm],
             forces=self._forces(arm),
             cue=self._cue(arm),
         )
-        return draw(batch.settings.arm, scene)
+        return draw(batch.settings.arm, Scene((one,), batch.settings.threshold))
 
     def _forces(self, arm: int) -> HandForceScene | None:
         batch = self._batch

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.envs.arm_drawing import ArmScene, CueScene
 from bilateral_rl.envs.canvas import tile
 from bilateral_rl.envs.force_drawing import HandForceScene
 from bilateral_rl.envs.forces import AffineForces, affine_forces
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.rendering import CueScene, Scene, draw
+from bilateral_rl.envs.rendering import Scene, draw
 from bilateral_rl.envs.tasks import NEVER
 
 PAUSE = 0.6
@@ -39,17 +40,17 @@ class Performance:
         """Return what there is to see after ``step`` steps of a trial; before the first, muscles are at rest."""
         record = self.record
         rest = np.full(record.activation.shape[-1], record.arm.min_activation)
-        return Scene(
+        one = ArmScene(
             angles=record.joint[trial, step],
             activation=record.activation[trial, step - 1] if step else rest,
             target=record.seen_target[trial, min(step, record.seen_target.shape[1] - 1)],
             path=record.hand[trial, : step + 1],
-            threshold=self.radius,
             load=record.load[trial],
-            caption=f"{self.label}\n{caption}{self._condition(trial)}\n{self.goal(trial, step)}",
             forces=self._forces(trial, step),
             cue=self._cue(trial, step),
         )
+        words = f"{self.label}\n{caption}{self._condition(trial)}\n{self.goal(trial, step)}"
+        return Scene((one,), self.radius, words)
 
     def goal(self, trial: int, step: int) -> str:
         """Say how the trial stands after ``step`` steps, by the measures of ``evaluate`` (paper section 3)."""

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from arm_pictures import ARM, SCENE, SIZE, changed, hand, is_near, picture, pixel
+from arm_pictures import ARM, ONE, RADIUS, SIZE, changed, hand, is_near, picture, pixel
 from rich_tasks import Fixed, no_forces
 
 from bilateral_rl.envs import ArmEnv
 from bilateral_rl.envs.arm.physics import ACTIVATION
+from bilateral_rl.envs.arm_drawing import ArmScene, CueScene
 from bilateral_rl.envs.force_drawing import HandForceScene
-from bilateral_rl.envs.rendering import VIEW_MARGIN, CueScene, Scene, draw
+from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
 from bilateral_rl.envs.tasks import NEVER, Timeline
 
 pytest.importorskip("pygame")
@@ -29,7 +30,7 @@ def test_a_force_is_an_arrow_from_the_hand_with_a_legend():
     still = picture(forces=STILL)
     small, large = (changed(picture(forces=STILL._replace(force=np.array((f, 0.0)))), still) for f in (-2.0, -9.0))
     assert large.sum() > small.sum() > 0
-    assert np.nonzero(large)[1].max() <= pixel(hand(SCENE.angles))[1]
+    assert np.nonzero(large)[1].max() <= pixel(hand(ONE.angles))[1]
     legend = changed(still, picture())
     assert np.nonzero(legend)[0].min() > 0.85 * SIZE  # below the arm
     assert np.ptp(np.nonzero(legend)[1]) == pytest.approx(0.1 * SIZE / (2 * VIEW_MARGIN * sum(ARM.link_length)), abs=3)
@@ -64,7 +65,7 @@ def test_a_channel_is_two_lines_along_its_axis_wherever_it_lies():
 
 def test_a_field_is_drawn_around_the_hand_or_in_the_corner_by_what_it_depends_on():
     elastic = changed(picture(forces=STILL._replace(position_gain=50 * np.eye(2))), picture(forces=STILL))
-    assert is_near(elastic, hand(SCENE.angles), 0.25)
+    assert is_near(elastic, hand(ONE.angles), 0.25)
     by_velocity = changed(picture(forces=STILL._replace(velocity_gain=CURL)), picture(forces=STILL))
     assert np.nonzero(by_velocity)[0].min() > SIZE / 2
     assert np.nonzero(by_velocity)[1].max() < SIZE / 4
@@ -81,7 +82,7 @@ def test_cues_show_a_signal_and_the_target_that_is_to_come_or_was():
     assert CueScene.at(40, NEVER, NEVER, goal).other_target is None  # a target that never comes
     for cue in (phases[0], phases[-1]):
         drawn = changed(picture(cue=cue), picture(cue=cue._replace(other_target=None)))
-        assert is_near(drawn, goal, SCENE.threshold + 0.01)
+        assert is_near(drawn, goal, RADIUS + 0.01)
     signals = [picture(cue=CueScene(phase, None)) for phase in ("wait", "go", "jump")]
     for first, second in ((0, 1), (0, 2), (1, 2)):
         assert np.nonzero(changed(signals[first], signals[second]))[0].min() > 0.9 * SIZE
@@ -96,29 +97,27 @@ def test_an_environment_draws_its_forces_and_cues():
     env.step(np.full(6, -1.0))
     (shown,) = env._view.pictures()
     batch = env.batch
-    scene = Scene(
+    scene = ArmScene(
         angles=batch.joint[0, :2],
         activation=batch.muscle[0, ACTIVATION],
         target=hand(task.start),
         path=np.stack((hand(task.start), batch.hand[0])),
-        threshold=0.05,
         load=np.array((3.0, 0.0)),
         forces=HandForceScene(np.array((0.0, 8.0)), np.zeros(2), CURL, np.zeros((2, 2))),
         cue=CueScene("wait", hand(goal)),
     )
-    assert changed(shown, draw(ARM, scene, 480)).mean() < 0.001
+    assert changed(shown, draw(ARM, Scene((scene,), 0.05), 480)).mean() < 0.001
 
 
 def test_a_plain_task_draws_what_it_drew():
     env = ArmEnv("hold_position", render_mode="rgb_array")
     env.reset(seed=0)
     batch = env.batch
-    scene = Scene(
+    scene = ArmScene(
         angles=batch.joint[0, :2],
         activation=batch.muscle[0, ACTIVATION],
         target=batch.target[0],
         path=batch.hand[:1],
-        threshold=0.05,
         load=batch.load[0],
     )
-    np.testing.assert_array_equal(env.render(), draw(ARM, scene, 480))
+    np.testing.assert_array_equal(env.render(), draw(ARM, Scene((scene,), 0.05), 480))

@@ -5,11 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from arm_pictures import ARM, SCENE, SIZE, changed, hand, is_near, picture, pixel
+from arm_pictures import ARM, ONE, RADIUS, SIZE, changed, hand, is_near, picture, pixel
 
 from bilateral_rl.envs import canvas
 from bilateral_rl.envs.anatomy import Route, elbow_and_hand, moment_arms, muscle_course
 from bilateral_rl.envs.arm.parameters import ArmParameters
+from bilateral_rl.envs.arm_drawing import ArmScene
 from bilateral_rl.envs.canvas import Window, tile
 from bilateral_rl.envs.rendering import Scene, draw
 
@@ -43,7 +44,7 @@ def test_bones_and_moment_arms_are_those_of_the_posture(angles):
 
 def test_picture_is_rgb():
     for size in (64, 480, 501):
-        frame = draw(ARM, SCENE, size)
+        frame = draw(ARM, Scene((ONE,), RADIUS), size)
         assert frame.shape == (size, size, 3)
         assert frame.dtype == np.uint8
         assert (frame == 255).all(axis=-1).mean() > 0.3
@@ -62,8 +63,8 @@ def test_equal_scenes_give_equal_pictures():
 
 
 def test_single_and_double_precision_draw_alike():
-    single = Scene(*(value.astype(np.float32) if isinstance(value, np.ndarray) else value for value in SCENE))
-    assert changed(draw(ARM, single), picture()).mean() < 0.001
+    single = ArmScene(*(value.astype(np.float32) if isinstance(value, np.ndarray) else value for value in ONE))
+    assert changed(picture(**single._asdict()), picture()).mean() < 0.001
 
 
 def test_activation_colors_its_muscle():
@@ -91,7 +92,7 @@ def test_target_is_drawn_where_it_is():
     for target in ((-0.2, 0.4), (0.45, -0.3)):
         drawn = changed(picture(target=np.array(target)), elsewhere)
         assert drawn[pixel(target)]
-        assert is_near(drawn, target, SCENE.threshold)
+        assert is_near(drawn, target, RADIUS)
 
 
 def test_goal_has_the_radius_of_the_threshold():
@@ -100,7 +101,7 @@ def test_goal_has_the_radius_of_the_threshold():
 
 
 def test_hand_is_where_the_posture_puts_it():
-    row, column = pixel(hand(SCENE.angles))
+    row, column = pixel(hand(ONE.angles))
     assert changed(picture(), picture(angles=np.zeros(2)))[row - 4 : row + 5, column - 4 : column + 5].any()
     assert (picture()[row, column] > 240).all()
 
@@ -108,7 +109,7 @@ def test_hand_is_where_the_posture_puts_it():
 @pytest.mark.parametrize("angles", [(0.9, -1.4), (0.4, -0.5), (1.2, 1.7)])
 def test_the_elbow_is_where_the_posture_puts_it_whichever_way_it_bends(angles):
     """One hand, two postures: a picture that knew the hand alone would show the other one half of the time."""
-    frame = draw(BOTH_WAYS, SCENE._replace(angles=np.array(angles)), SIZE)
+    frame = picture(BOTH_WAYS, angles=np.array(angles))
 
     def has_a_joint(point):
         row, column = pixel(point)
@@ -136,7 +137,7 @@ def test_a_flexor_runs_around_an_elbow_that_bends_backward_as_an_extensor_around
 
 
 def test_the_workspace_of_an_elbow_that_bends_both_ways_reaches_to_the_stretched_arm():
-    frame = draw(BOTH_WAYS, SCENE._replace(angles=np.array([2.0, 2.0])), SIZE)
+    frame = picture(BOTH_WAYS, angles=np.array([2.0, 2.0]))
     inside, outside = [0.62 * np.array([np.cos(angle), np.sin(angle)]) for angle in (-0.3, -2.0)]
     assert frame[pixel(inside)].tolist() != [255, 255, 255] == frame[pixel(outside)].tolist()
 
@@ -164,7 +165,7 @@ def test_load_is_an_arrow_only_if_it_is_not_zero():
     np.testing.assert_array_equal(without, picture(load=np.array([-0.0, 0.0])))
     small, large = (changed(picture(load=np.array([force, 0.0])), without) for force in (2.0, 9.0))
     assert large.sum() > small.sum() > 0
-    row, column = pixel(hand(SCENE.angles))
+    row, column = pixel(hand(ONE.angles))
     assert np.nonzero(large)[1].min() >= column  # to the right, as the force
     assert abs(np.nonzero(large)[0].mean() - row) < 8
 
@@ -263,7 +264,7 @@ def test_large_picture_is_shrunk_to_the_screen():
 def test_missing_pygame_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(ImportError, match="pip install pygame"):
-        draw(ARM, SCENE)
+        draw(ARM, Scene((ONE,), RADIUS))
 
 
 def test_import_does_without_pygame(monkeypatch):

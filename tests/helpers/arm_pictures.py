@@ -3,22 +3,24 @@
 import numpy as np
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
+from bilateral_rl.envs.arm_drawing import ArmScene
 from bilateral_rl.envs.rendering import VIEW_MARGIN, Scene, draw
 
 ARM = ArmParameters()
 SIZE = 480
-SCENE = Scene(
+RADIUS = 0.05
+ONE = ArmScene(
     angles=np.radians([40.0, 80.0]),
     activation=np.full(6, 0.2),
     target=np.array([-0.2, 0.4]),
     path=np.empty((0, 2)),
-    threshold=0.05,
     load=np.zeros(2),
 )
 
 
-def picture(**changes):
-    return draw(ARM, SCENE._replace(**changes), SIZE)
+def picture(arm=ARM, threshold=RADIUS, caption="", **changes):
+    """A picture of the one arm, in some things another."""
+    return draw(arm, Scene((ONE._replace(**changes),), threshold, caption), SIZE)
 
 
 def pixel(point):

@@ -33,7 +33,7 @@ def test_a_film_shows_the_posture_that_was_whichever_way_the_elbow_bent(small_bp
     performance = actor.perform(Evaluator("random_reach", config.trial, 16, seed=0), "intact", 0.05, "")
     record = performance.record
     for trial in range(16):
-        scene = performance.scene(trial, 5, "")
+        (scene,) = performance.scene(trial, 5, "").arms
         np.testing.assert_array_equal(scene.angles, record.joint[trial, 5])
         np.testing.assert_allclose(elbow_and_hand(record.arm, scene.angles)[1], record.hand[trial, 5], atol=1e-6)
     assert (record.joint[:, 5, 1] < -0.5).any()

@@ -25,15 +25,15 @@ def test_a_scene_shows_the_arm_after_so_many_steps(make_record):
     joint = rng.random((2, 9, 2), dtype=np.float32)
     load = np.float32([[1, 2], [3, -4]])
     take = Performance("cc_s", make_record(2, activation=activation, joint=joint, hand=hand, load=load), 0.03)
-    start, later = take.scene(1, 0, "t"), take.scene(1, 5, "t")
+    (start,), (later,) = (take.scene(1, step, "t").arms for step in (0, 5))
+    assert take.scene(1, 5, "t").threshold == 0.03
     np.testing.assert_array_equal(start.activation, np.full(6, ArmParameters().min_activation))
     np.testing.assert_array_equal(start.path, hand[1, :1])
     np.testing.assert_array_equal(later.activation, activation[1, 4])
     np.testing.assert_array_equal(later.path, hand[1, :6])
     np.testing.assert_array_equal(later.angles, joint[1, 5])
     np.testing.assert_array_equal(later.load, [3, -4])
-    assert later.threshold == 0.03
-    assert later.caption.splitlines() == ["cc_s", "t", take.goal(1, 5)]
+    assert take.scene(1, 5, "t").caption.splitlines() == ["cc_s", "t", take.goal(1, 5)]
 
 
 def test_a_reach_is_reached_after_three_steps_in_the_goal_and_stays_so(make_record):
@@ -84,14 +84,14 @@ def make_cued(make_record):
 def test_a_scene_follows_cue_jump_and_forces(make_cued):
     force = np.arange(32, dtype=np.float32).reshape(2, 8, 2)
     take = Performance("cc_s", make_cued(force=force, load=np.float32([[1, 2], [0, 0]])), 0.05)
-    scenes = [take.scene(0, step, "t") for step in range(9)]
+    scenes = [take.scene(0, step, "t").arms[0] for step in range(9)]
     assert [scene.cue.phase for scene in scenes] == ["wait"] * 3 + ["go"] * 3 + ["jump"] * 3
     np.testing.assert_array_equal([scene.target for scene in scenes[:8]], take.record.seen_target[0])
     np.testing.assert_array_equal(scenes[8].target, take.record.seen_target[0, -1])
     np.testing.assert_array_equal(scenes[0].forces.force, 0)
     np.testing.assert_array_equal(scenes[4].forces.force, force[0, 3] - (1, 2))
     np.testing.assert_array_equal(scenes[4].forces.velocity_gain, CURL)
-    assert scenes[4].caption.splitlines()[1] == "t, field + jump"
+    assert take.scene(0, 4, "t").caption.splitlines()[1] == "t, field + jump"
     assert take.scene(1, 4, "t").caption.splitlines()[1] == "t, no cue"
 
 
@@ -120,7 +120,8 @@ def test_the_goal_is_judged_from_the_cue_and_from_the_jump_on(make_cued):
 def test_plain_trials_have_neither_forces_nor_cues(make_record):
     take = Performance("cc_s", make_record(), 0.05)
     scene = take.scene(0, 3, "t")
-    assert (scene.forces, scene.cue, take.has_extras) == (None, None, False)
+    (one,) = scene.arms
+    assert (one.forces, one.cue, take.has_extras) == (None, None, False)
     assert scene.caption.splitlines()[1] == "t"
 
 
