@@ -13,6 +13,19 @@ _ROUNDING = 1e-9
 """By how much angles may be out of the joints' range, and positions out of reach, by rounding alone (rad, m)."""
 
 
+class UnreachableError(ValueError):
+    """A position that an arm cannot take.
+
+    Attributes:
+        position: (2,) (m).
+        reason: why not.
+    """
+
+    def __init__(self, position: NDArray[np.float64], reason: str) -> None:
+        self.position, self.reason = position, reason
+        super().__init__(f"the position [{position[0]:.4g}, {position[1]:.4g}] m {reason}.")
+
+
 def hand_position(angles: ArrayLike, arm: ArmParameters) -> NDArray[np.float64]:
     """Return the position (…, 2) of the hand (m) at postures (…, 2), angles of shoulder and elbow (rad).
 
@@ -40,7 +53,8 @@ def inverse_kinematics(
         Angles of shoulder and elbow (rad).
 
     Raises:
-        ValueError: positions that are out of the links' reach, or that the joints' limits do not allow with this elbow.
+        UnreachableError: positions that are out of the links' reach, or that the joints' limits do not allow with this
+            elbow; a ValueError, as those of another shape.
     """
     if elbow not in ("positive", "negative"):
         raise ValueError(f"elbow must be positive or negative, got {elbow!r}.")
@@ -87,5 +101,4 @@ def _postures(
 
 def _refuse(positions: NDArray[np.float64], wrong: np.bool_ | NDArray[np.bool_], why: str) -> None:
     if wrong.any():
-        x, y = positions[wrong][0]
-        raise ValueError(f"the position [{x:.4g}, {y:.4g}] m {why}.")
+        raise UnreachableError(positions[wrong][0], why)

@@ -7,7 +7,7 @@ import pytest
 
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.envs.arm.parameters import ArmParameters
-from bilateral_rl.envs.experiments.experiment import Cues, TargetJump
+from bilateral_rl.envs.experiments.assignment import Cues, TargetJump
 from bilateral_rl.envs.experiments.files import experiment_from_file
 from bilateral_rl.envs.experiments.forces import ElasticField, Forces
 from bilateral_rl.envs.stability import check_stability
@@ -27,7 +27,7 @@ def test_a_file_in_the_page_is_an_experiment(name, text, tmp_path):
 
 
 def test_there_is_a_short_file_and_one_with_every_feature(tmp_path):
-    assert [name for name, _ in FILES] == ["near.yaml", "study.yaml"]
+    assert [name for name, _ in FILES] == ["near.yaml", "study.yaml", "bread.yaml"]
     path = tmp_path / "study.yaml"
     path.write_text(FILES[1][1], encoding="utf-8")
     experiment = experiment_from_file(path)
@@ -42,6 +42,7 @@ def test_every_entry_of_timeline_and_forces_has_its_row():
     assert {name for name in Cues.__dataclass_fields__ if name != "jump"} <= shown
     assert {f"jump.{name}" for name in TargetJump.__dataclass_fields__} <= shown
     assert set(ElasticField.__dataclass_fields__) <= shown
+    assert {"arms", "exchange", "paired"} <= shown
 
 
 def test_the_paradigms_are_those_that_ship():

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from bilateral_rl.envs.experiments.experiment import Condition, Experiment
+from bilateral_rl.envs.experiments.assignment import Condition
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.io.csv_tables import read_table
 from bilateral_rl.io.errors import UserError
 
@@ -30,7 +31,7 @@ COLUMNS = tuple(_KINDS)
 
 def in_conditions(experiment: Experiment) -> dict[str, Experiment]:
     """Return an experiment with a field in each condition, by its word in the file; a hold has no channel."""
-    names = [name for name in BLOCK_CONDITIONS if name != "channel" or experiment.target != "start"]
+    names = [name for name in BLOCK_CONDITIONS if name != "channel" or not experiment.stays]
     return {name: experiment.with_condition(BLOCK_CONDITIONS[name]) for name in names}
 
 

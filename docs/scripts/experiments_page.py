@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Tag, TypeAdapter
 from settings_page import bounds, description, plain, text, unit
 
-from bilateral_rl.envs.experiments import experiment, forces, numbers, places
+from bilateral_rl.envs.experiments import assignment, experiment, forces, numbers, places
 from bilateral_rl.envs.experiments.files import SUFFIXES
 from bilateral_rl.io.yaml_files import LARGEST_SETTINGS
 
@@ -22,11 +22,13 @@ PAGE = Path(__file__).parents[1] / "reference" / "experiments.md"
 
 SECTIONS: dict[type, str] = {
     experiment.Experiment: "The experiment",
+    experiment.Arms: "Two arms",
+    assignment.Assignment: "What one arm does",
     places.Place: "A place",
     places.Region: "A region",
     places.CenterOut: "Targets on a circle",
-    experiment.Cues: "The timeline",
-    experiment.TargetJump: "A jump of the target",
+    assignment.Cues: "The timeline",
+    assignment.TargetJump: "A jump of the target",
     forces.Forces: "Forces",
     forces.ElasticField: "An elastic field",
     forces.ForcePulse: "A pulse",

@@ -7,31 +7,31 @@ from numpy.typing import ArrayLike, NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
 from bilateral_rl.envs.experiments.places import CenterOut, Place, Region
-from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
+from bilateral_rl.envs.experiments.standing import StandingArm
 
 Float64 = NDArray[np.float64]
 _FINE = 41
 """Points along each side of a box, and around and across a disk, at which it is asked whether an arm reaches all."""
 
 
-def draw_postures(place: Place, uniform: Float64, arm: ArmParameters, center: Float64 | None = None) -> Float64:
+def draw_postures(place: Place, uniform: Float64, arm: StandingArm, center: Float64 | None = None) -> Float64:
     """Return postures (n, 2) drawn from a place (rad).
 
     Args:
         place: the distribution.
         uniform: (n, 2) numbers in [0, 1).
-        arm: whose joints and links.
+        arm: whose joints and links, in whose place.
         center: (n, 2): the hand's position around which a circle lies that has no center of its own (m).
 
     Raises:
         ValueError: a position that the arm cannot take.
     """
     if place.joints is not None:
-        return _draw_joints(place.joints, uniform, arm)
-    return inverse_kinematics(_draw_hands(place, uniform, center), arm, place.elbow)
+        return _draw_joints(place.joints, uniform, arm.physics)
+    return arm.postures(_draw_hands(place, uniform, center), place.elbow)
 
 
-def listed_hands(place: Place, arm: ArmParameters, center: Float64 | None = None) -> Float64 | None:
+def listed_hands(place: Place, arm: StandingArm, center: Float64 | None = None) -> Float64 | None:
     """Return the positions (k, 2) of the hand that a place consists of (m); None if it is a region, or drawn around.
 
     Raises:
@@ -39,7 +39,7 @@ def listed_hands(place: Place, arm: ArmParameters, center: Float64 | None = None
     """
     if place.joints is not None:
         postures = _listed(place.joints)
-        return None if postures is None else hand_position(_within_limits(postures, arm), arm)
+        return None if postures is None else arm.hand_position(_within_limits(postures, arm.physics))
     if place.hand is not None:
         return _listed(place.hand)
     around = place.center_out
@@ -58,19 +58,19 @@ def number_listed(place: Place) -> int | None:
     return None if points is None else len(points)
 
 
-def check_place(place: Place, arm: ArmParameters, center: Float64 | None = None) -> None:
+def check_place(place: Place, arm: StandingArm, center: Float64 | None = None) -> None:
     """Raise a ValueError unless the arm can take all of a place: of a region, its rim and a fine grid are tried.
 
     Args:
         place: the distribution.
-        arm: whose joints and links.
+        arm: whose joints and links, in whose place.
         center: (k, 2): the positions around which a circle may lie that has no center of its own (m).
     """
     if place.joints is not None:
         if isinstance(place.joints, Region):
             assert place.joints.low is not None
             assert place.joints.high is not None
-            _within_limits(np.array([place.joints.low, place.joints.high]), arm)
+            _within_limits(np.array([place.joints.low, place.joints.high]), arm.physics)
         else:
             listed_hands(place, arm)
         return
@@ -78,7 +78,7 @@ def check_place(place: Place, arm: ArmParameters, center: Float64 | None = None)
     if hands is None:
         assert isinstance(place.hand, Region)
         hands = _fine_grid(place.hand)
-    inverse_kinematics(hands, arm, place.elbow)
+    arm.postures(hands, place.elbow)
 
 
 def _draw_joints(

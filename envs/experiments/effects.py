@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
-from bilateral_rl.envs.experiments.experiment import Cues, Experiment
+from bilateral_rl.envs.experiments.assignment import Assignment, Cues
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.experiments.forces import Directions, Forces
+
+_OF_ONE_TASK = ("roles", "reach")
+"""Settings of two arms that an experiment has no use for, as it says itself who does what."""
 
 
 def without_effect(experiment: Experiment) -> Iterator[tuple[str, str]]:
     """Yield the fields of an experiment that act in none of its trials, each with a sentence that says so."""
-    if experiment.timeline is not None:
-        yield from _of_timeline(experiment.timeline)
-    if experiment.forces is not None:
-        yield from _of_forces(experiment.forces)
+    for within, assignment in experiment.assignments.items():
+        for name, sentence in _of_assignment(assignment):
+            yield within + name, sentence
+    two_arms = experiment.trial.get("two_arms")
+    if two_arms is not None and experiment.arms is None:
+        yield "trial.two_arms", "has no effect on one arm: give arms, or leave it out."
+    for name in _OF_ONE_TASK:
+        if isinstance(two_arms, Mapping) and name in two_arms:
+            yield f"trial.two_arms.{name}", "has no effect where arms says what each arm does: leave it out."
+
+
+def _of_assignment(assignment: Assignment) -> Iterator[tuple[str, str]]:
+    if assignment.timeline is not None:
+        yield from _of_timeline(assignment.timeline)
+    if assignment.forces is not None:
+        yield from _of_forces(assignment.forces)
 
 
 def _of_timeline(cues: Cues) -> Iterator[tuple[str, str]]:

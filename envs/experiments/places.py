@@ -101,7 +101,8 @@ class Place:
     joints: _Joints | None = None
     """Angles of shoulder and elbow (rad): "uniform" over the joints' range, a posture, a list of them, or a box."""
     hand: _Hand | None = None
-    """Positions of the hand (m), the shoulder at the origin: one, a list of them, a box or a disk."""
+    """Positions of the hand (m): one, a list of them, a box or a disk. The origin is the one arm's shoulder, or midway
+    between those of two."""
     center_out: CenterOut | None = None
     """Positions of the hand on a circle."""
     elbow: Elbow = "positive"

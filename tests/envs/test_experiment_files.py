@@ -7,6 +7,7 @@ import yaml
 
 from bilateral_rl.config.parse import plain
 from bilateral_rl.envs import Experiment, ExperimentError, experiment_from_file, experiment_named
+from bilateral_rl.envs.experiments.experiment import is_complete
 from bilateral_rl.envs.experiments.files import find_experiment, paradigms
 from bilateral_rl.envs.task_specs import ALIASES, PARADIGMS
 from bilateral_rl.io.errors import UserError
@@ -36,7 +37,66 @@ trial:
 START, TARGET = "start: {hand: [0.0, 0.4]}\n", "target: {center_out: {}}\n"
 HEAD = START + TARGET
 
+ARMS = """\
+arms:
+  dominant: {start: {hand: [0.1, 0.4]}, target: {center_out: {number: 4}}}
+  non_dominant: {start: {hand: [-0.1, 0.4]}, target: start}
+"""
+LEFT = "  non_dominant: {start: {hand: [-0.1, 0.4]}, target: start}\n"
+
+
+def left(words):
+    return ARMS.replace(LEFT, f"  non_dominant:\n    start: {{hand: [-0.1, 0.4]}}\n{words}")
+
+
+BROKEN_ARMS = {
+    "an arm too few": (ARMS.replace(LEFT, ""), 1, "arms.non_dominant must be given"),
+    "an arm of another name": (ARMS.replace("non_dominant", "left"), 3, "Unknown setting 'left' in arms"),
+    "an arm without a target": (left(""), 3, "arms.non_dominant.target must be given"),
+    "an arm's misspelled field": (left("    targt: start\n"), 5, "you may have meant target"),
+    "an arm's cue without effect": (
+        left("    target: start\n    timeline: {go: 5}\n"),
+        6,
+        "arms.non_dominant.timeline has no effect",
+    ),
+    "an arm's load of nothing": (
+        left("    target: start\n    forces: {load: [0, 0]}\n"),
+        6,
+        "arms.non_dominant.forces.load has no effect at 0",
+    ),
+    "out of one arm's reach": (
+        left("    target: {hand: [0.5, 0.3]}\n"),
+        5,
+        "arms.non_dominant.target.hand: the position [0.5, 0.3] m is out of the arm's reach, which is from 0.024 to "
+        "0.642 m of the shoulder; the shoulder lies at [-0.18, 0] m",
+    ),
+    "a pulse after the trial": (
+        left("    target: start\n    forces:\n      pulse: {force: [1, 0], at: 48, steps: 5}\n"),
+        7,
+        "arms.non_dominant.forces.pulse must end within the trial of 50 steps",
+    ),
+    "an unstable field": (
+        left("    target: start\n    forces: {curl: 2000}\n"),
+        6,
+        "arms.non_dominant.forces.curl: a velocity field of",
+    ),
+    "both one arm and two": (ARMS + START, 4, "start must stand under arms.dominant and arms.non_dominant"),
+    "an exchange of one arm": (HEAD + "exchange: 0.5\n", 3, "exchange has no effect on one arm"),
+    "pairs of one arm": (HEAD + "paired: true\n", 3, "paired has no effect on one arm"),
+    "pairs of different numbers": (
+        left("    target: {center_out: {number: 3}}\n") + "paired: true\n",
+        6,
+        "paired: needs as many targets of both arms, got 4 and 3",
+    ),
+    "a spring of one arm": (
+        HEAD + "trial: {two_arms: {spring: {stiffness: 50}}}\n",
+        3,
+        "two_arms has no effect on one",
+    ),
+    "roles that the arms have": (ARMS + "trial: {two_arms: {roles: drawn}}\n", 4, "two_arms.roles has no effect where"),
+}
 BROKEN = {
+    **BROKEN_ARMS,
     "tab": (START + "target:\n\tcenter_out: {}\n", 3, "no YAML"),
     "unclosed": ("start: {hand: [0.0, 0.4}\n", 1, "no YAML"),
     "duplicate key": (HEAD + "start: {hand: [0.1, 0.4]}\n", 3, "start is there twice, first in line 1"),
@@ -215,6 +275,7 @@ def test_a_file_has_its_name_and_short_forms_become_the_long_ones(tmp_path):
     assert experiment.forces.velocity_matrix == ((0, 10), (-10, 0))
     assert experiment.trial["losses"]["last_steps"] == 30
     assert Experiment(**dataclasses.asdict(experiment)) == experiment
+    assert is_complete(dataclasses.asdict(experiment))
     path.write_text("name: other\n" + GOOD)
     assert dataclasses.replace(experiment_from_file(str(path)), name="mine") == experiment
 
@@ -246,3 +307,23 @@ def test_the_paradigms_that_ship_are_known_by_name_and_say_where_they_come_from(
 def test_the_fields_of_the_paradigms_are_those_of_their_sources():
     assert experiment_named("curl_field").forces.velocity_matrix == ((0, 15), (-15, 0))
     assert experiment_named("saddle_field").forces.velocity_matrix == ((-10.1, -11.2), (-11.2, 11.1))
+
+
+def test_what_stands_under_an_arm_is_what_a_file_of_one_arm_says(tmp_path):
+    both = (
+        "start: {hand: [0.1, 0.4]}\ntarget: {center_out: {number: 4}}\n"
+        + GOOD[GOOD.index("timeline") : GOOD.index("trial:")]
+    )
+    one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
+    one.write_text(both)
+    under = "".join(f"    {line}\n" for line in both.splitlines())
+    two.write_text(f"arms:\n  dominant:\n{under}  non_dominant: {{start: {{hand: [-0.1, 0.4]}}, target: start}}\n")
+    experiment = experiment_from_file(two)
+    assert experiment.assignments["arms.dominant."] == experiment_from_file(one).assignments[""]
+    assert experiment.has_field
+    assert (experiment.measure, experiment.stays) == ("goal_completion", False)
+    values = dataclasses.asdict(experiment)
+    assert Experiment(**values) == experiment
+    assert is_complete(values)
+    assert not is_complete({"name": "x", "arms": {"dominant": values["arms"]["dominant"]}})
+    assert not is_complete({"name": "x", "arms": {name: {"forces": {"curl": 1}} for name in values["arms"]}})
