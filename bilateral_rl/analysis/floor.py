@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from bilateral_rl.analysis.intervals import difference_interval
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.analysis.samples import finite_pairs
@@ -58,6 +57,8 @@ def is_above(values: ArrayLike, control: ArrayLike, intact: ArrayLike) -> bool |
     if not len(kept):
         return None
     if len(kept) > 1:
+        from bilateral_rl.analysis.intervals import difference_interval  # SciPy's statistics take long to load
+
         return difference_interval(kept, fresh, paired=True).low > 0
     both = np.isfinite(np.asarray(values, dtype=np.float64)) & np.isfinite(np.asarray(control, dtype=np.float64))
     whole = float(np.asarray(intact, dtype=np.float64)[both][0])
