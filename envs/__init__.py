@@ -1,6 +1,6 @@
 """The world: the arm, its tasks, and the environments that face it.
 
-``import bilateral_rl`` registers ``bilateral_rl/RandomReach-v0`` and ``bilateral_rl/HoldPosition-v0`` with Gymnasium.
+``import bilateral_rl`` registers ``bilateral_rl/RandomReach-v0`` and the other tasks with Gymnasium.
 The names below are imported when they are first used, so that settings can be read without Warp, torch and SB3.
 """
 
@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
     from bilateral_rl.envs.registration import ENVIRONMENT_IDS
     from bilateral_rl.envs.settings import TrialSettings
-    from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, Task, Trials
+    from bilateral_rl.envs.task import Task, Trials
+    from bilateral_rl.envs.tasks import TASKS, HoldPosition, RandomReach, ReachAndHold, TwoHolds, TwoReaches
     from bilateral_rl.envs.trials import TrialBatch
+    from bilateral_rl.envs.two_arms import SpringSettings, TwoArmSettings
     from bilateral_rl.envs.vec_vector_reward import VecVectorReward
     from bilateral_rl.envs.vector_reward import Transition, VectorReward
 
@@ -36,7 +38,9 @@ _NAMES = {
     "kinematics": ("hand_position", "inverse_kinematics"),
     "registration": ("ENVIRONMENT_IDS",),
     "settings": ("TrialSettings",),
-    "tasks": ("TASKS", "HoldPosition", "RandomReach", "Task", "Trials"),
+    "task": ("Task", "Trials"),
+    "tasks": ("TASKS", "HoldPosition", "RandomReach", "ReachAndHold", "TwoHolds", "TwoReaches"),
+    "two_arms": ("SpringSettings", "TwoArmSettings"),
     "vec_vector_reward": ("VecVectorReward",),
     "trials": ("TrialBatch",),
     "vector_reward": ("Transition", "VectorReward"),
@@ -58,11 +62,16 @@ __all__ = [
     "ExperimentTask",
     "HoldPosition",
     "RandomReach",
+    "ReachAndHold",
+    "SpringSettings",
     "Task",
     "Transition",
     "TrialBatch",
     "TrialSettings",
     "Trials",
+    "TwoArmSettings",
+    "TwoHolds",
+    "TwoReaches",
     "VecVectorReward",
     "VectorReward",
     "experiment_from_file",

@@ -15,7 +15,7 @@ from bilateral_rl.envs.anatomy import ROUTES, Route, joint_positions, moment_arm
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES, ArmParameters
 from bilateral_rl.envs.canvas import INK, WHITE, Canvas, Color, Points
 from bilateral_rl.envs.force_drawing import HAND_RADIUS, HandForceScene, draw_force, draw_surroundings
-from bilateral_rl.envs.tasks import NEVER
+from bilateral_rl.envs.task import NEVER
 
 _LOAD_SCALE, _LOAD_MAX_LENGTH = 0.01, 0.2  # m/N, m
 _MAX_PATH_SEGMENTS = 400

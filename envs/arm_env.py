@@ -17,7 +17,8 @@ from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
-from bilateral_rl.envs.tasks import PLACES, TaskLike, Trials, make_task
+from bilateral_rl.envs.task import PLACES, Trials
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.envs.trials import TrialBatch
 
 _ARM = np.zeros(1, dtype=np.int32)
@@ -143,8 +144,8 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
         drawn = task.trials(uniform, self.settings)
         if places is None:
             return drawn
-        checked = checked_trials(drawn, 1, task, self.settings.arm)
-        return places._replace(timeline=checked.timeline, forces=checked.forces)
+        checked_trials(drawn, 1, task, self.settings)
+        return Trials(*places[:3], *Trials(*drawn)[3:])
 
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         batch = self.batch

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.tasks import HandForces
+from bilateral_rl.envs.task import HandForces
 
 Float32 = NDArray[np.float32]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
-from bilateral_rl.envs.tasks import HandForces
+from bilateral_rl.envs.task import HandForces, Spring
 
 Float64 = NDArray[np.float64]
 
@@ -53,6 +53,28 @@ def check_stability(forces: HandForces, arm: ArmParameters) -> None:
                 f"{_named(row)} makes the hand swing {growth:.4g} times as wide every step through the time step of "
                 f"{arm.timestep:g} s alone, where {MOST_GROWTH:g} is the most: take smaller gains, more damping or a "
                 "shorter timestep."
+            )
+
+
+def check_spring(spring: Spring, arm: ArmParameters) -> None:
+    """Refuse a spring between the hands of two such arms that swings, wherever their hands are.
+
+    It acts on the motion of the hands relative to each other, for which their mobilities add. Of all postures the worst
+    is that in which both hands are lightest, along the same line: along it, the motion follows
+    d² z / dt² = −w (k z + c dz / dt), and the method's growth rises with w.
+
+    Raises:
+        ValueError: a spring whose swings the time step lets grow.
+    """
+    most = 2 * _highest_mobility(arm)
+    for stiffness, damping in {*zip(spring.stiffness.tolist(), spring.damping.tolist(), strict=True)}:
+        z = np.roots([1.0, most * damping, most * stiffness]) * arm.timestep
+        if (growth := _own_growth(z)) > MOST_GROWTH:
+            remedy = "less" if damping > stiffness * arm.timestep else "a softer spring, more"
+            raise ValueError(
+                f"a spring of {stiffness:g} N/m with a damper of {damping:g} N·s/m makes the hands swing {growth:.4g} "
+                f"times as wide every step through the time step of {arm.timestep:g} s alone, where {MOST_GROWTH:g} is "
+                f"the most: take {remedy} damping or a shorter timestep."
             )
 
 
@@ -115,7 +137,11 @@ def _growth(gains: tuple[float, ...], arm: ArmParameters) -> float:
     a = np.zeros((len(w), 4, 4))
     a[:, :2, 2:] = np.eye(2)
     a[:, 2:, :2], a[:, 2:, 2:] = -w @ position_gain, w @ velocity_gain
-    z = np.linalg.eigvals(a) * arm.timestep
+    return _own_growth(np.linalg.eigvals(a) * arm.timestep)
+
+
+def _own_growth(z: NDArray[Any]) -> float:
+    """Return the greatest growth of Euler's method at any of ``z`` = λ dt beyond that of the motion itself."""
     return float((np.abs(1 + z) / np.exp(np.clip(z.real, 0, 700))).max())
 
 

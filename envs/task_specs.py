@@ -19,6 +19,8 @@ class TaskSpec:
     """What the arm is to do, for lists."""
     judged_by: Literal["goal_completion", "time_in_goal"]
     """The measure that says how well it is done: the share of goals completed, or the time spent in the goal."""
+    n_arms: Literal[1, 2] = 1
+    """How many arms it is for."""
 
 
 TASK_SPECS: dict[str, TaskSpec] = {
@@ -32,8 +34,27 @@ TASK_SPECS: dict[str, TaskSpec] = {
         "keep the hand where it is against a constant load",
         judged_by="time_in_goal",
     ),
+    "two_reaches": TaskSpec(
+        "bilateral_rl/TwoReaches-v0",
+        "reach with both hands, each from one random posture to the hand position of another",
+        judged_by="goal_completion",
+        n_arms=2,
+    ),
+    "reach_and_hold": TaskSpec(
+        "bilateral_rl/ReachAndHold-v0",
+        "reach with one hand while the other, tied to it by a spring, keeps its place",
+        judged_by="goal_completion",
+        n_arms=2,
+    ),
+    "two_holds": TaskSpec(
+        "bilateral_rl/TwoHolds-v0",
+        "keep both hands where they are, each against a constant load of its own",
+        judged_by="time_in_goal",
+        n_arms=2,
+    ),
 }
-"""By name, as in commands and run folders (paper section 3; what the paper judges each by: section 7)."""
+"""By name, as in commands and run folders: the paper's two (section 3; what it judges each by: section 7), and those of
+two arms."""
 
 PARADIGMS: dict[str, str] = {
     "center_out": "bilateral_rl/CenterOut-v0",

@@ -1,159 +1,39 @@
-"""What sets trials apart, and the tasks that they are drawn from: the paper's two (section 3), and others."""
+"""The tasks there are: the paper's two (section 3), those of two arms, and experiments."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bilateral_rl.envs.draws import draw_loads, uniform_postures
+from bilateral_rl.envs.task import FEATURES, NEVER, PLACES, HandForces, Spring, Task, Timeline, Trials
+from bilateral_rl.envs.two_arm_tasks import ReachAndHold, TwoHolds, TwoReaches
 
 if TYPE_CHECKING:
     from bilateral_rl.envs.experiments.experiment import Experiment
     from bilateral_rl.envs.settings import TrialSettings
 
-Float32 = NDArray[np.float32]
-
-
-NEVER = 1_000_000
-"""A step that no trial comes to: of a cue that does not come, or a target that does not jump."""
-
-
-class Timeline(NamedTuple):
-    """When the targets of ``n`` trials change; steps count from 0, and one is judged by the target seen before it."""
-
-    go: NDArray[np.int32]
-    """(n,): step from which on the goal is the target; until then it is the hand's position at the start. 0: at once;
-    ``NEVER``: no cue comes."""
-    jump: NDArray[np.int32]
-    """(n,): step, of at least ``go``, from which on the target is ``jump_goal``; ``NEVER``: it does not jump."""
-    jump_goal: Float32
-    """(n, 2): angles (rad) whose hand position the target jumps to."""
-
-
-class HandForces(NamedTuple):
-    """Forces on the hands of ``n`` trials beside the load: B v + K (x₀ − x), a pulse, and the walls of a channel."""
-
-    velocity_gain: Float32
-    """(n, 2, 2): B, force by velocity of the hand (N·s/m)."""
-    position_gain: Float32
-    """(n, 2, 2): K, force by distance from ``center`` (N/m)."""
-    center: Float32
-    """(n, 2): x₀, where the elastic field has no force (m)."""
-    pulse: Float32
-    """(n, 2): force (N) in the steps from the first of ``pulse_window`` on and before its second."""
-    pulse_window: NDArray[np.int32]
-    """(n, 2): first step of the pulse, and first step after it; counted from the start of the trial."""
-    walls: Float32
-    """(n, 2): stiffness (N/m) and damping (N·s/m) of the walls along the line through start and goal; 0: none."""
-
-
-class Spring(NamedTuple):
-    """What ties the two hands of ``n`` trials together, as :class:`~bilateral_rl.envs.two_arms.SpringSettings` say."""
-
-    stiffness: Float32
-    """(n,) (N/m)."""
-    damping: Float32
-    """(n,) (N·s/m)."""
-
-
-class Trials(NamedTuple):
-    """What sets ``n`` trials apart.
-
-    In a task of two arms every field but ``spring`` has the arms on a second axis, (n, 2, …), the dominant one first:
-    angles are each arm's own, which mirror each other; forces and positions are in the frame of the body.
-    """
-
-    start: Float32
-    """(n, 2): shoulder and elbow angle at the start (rad); the arm is at rest."""
-    goal: Float32
-    """(n, 2): angles (rad) whose hand position is the target."""
-    load: Float32
-    """(n, 2): constant force on the hand (N)."""
-    timeline: Timeline | None = None
-    """When targets change; None in a task without a timeline, whose targets are there from the start."""
-    forces: HandForces | None = None
-    """Further forces on the hand; None in a task without such."""
-    spring: Spring | None = None
-    """What ties the hands together; None in a task of one arm."""
-
-
-FEATURES = ("cue", "jump", "field", "pulse", "channel")
-"""What the trials of a task may have: a go cue that comes later than the start, a target that jumps, a field of forces,
-a pulse, and a channel."""
-
-PLACES = Trials._fields[:3]
-"""The fields that every trial has: start, goal and load."""
-
-
-class Task(ABC):
-    """A distribution of trials; subclass it for a task of your own.
-
-    Attributes:
-        id: name in commands and run folders.
-        n_arms: 1, or 2 for tasks of both arms.
-        n_uniform: uniform numbers that one trial takes.
-        has_load: whether its trials draw a load, as ``settings.load`` and ``settings.max_load`` say.
-        has_timeline: whether its trials have a :class:`Timeline`.
-        has_forces: whether its trials have :class:`HandForces`.
-        judged_by: the measure that says how well it is done, "goal_completion" or "time_in_goal".
-        description: what the arm is to do, for lists.
-        trial: settings of trials that it has where nobody says otherwise, by name.
-    """
-
-    id: str
-    n_arms: Literal[1, 2] = 1
-    n_uniform: int = 4
-    has_load: bool = True
-    has_timeline: bool = False
-    has_forces: bool = False
-    judged_by: Literal["goal_completion", "time_in_goal"] = "goal_completion"
-    description: str = ""
-    trial: Mapping[str, Any] = {}
-
-    @abstractmethod
-    def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
-        """Draw ``n`` trials.
-
-        Args:
-            uniform: (n, n_uniform) random numbers in [0, 1).
-            settings: how trials run: joint limits, and the largest load.
-
-        Returns:
-            The trials, whose fields are arrays (n, 2) or lists, or one row where all trials have the same; of two arms
-            (n, 2, 2), as :class:`Trials` says. Postures lie within the joint limits; anything else is refused when the
-            trials begin.
-        """
-
-    def check(self, settings: TrialSettings) -> None:
-        """Raise a ValueError for settings that its trials cannot run with; by itself, a task has none such."""
-        return
-
-    @property
-    def features(self) -> frozenset[str]:
-        """Which of :data:`FEATURES` some of its trials may have, which says what can be measured in them."""
-        of_timeline = ("cue", "jump") if self.has_timeline else ()
-        return frozenset((*of_timeline, *(("field", "pulse", "channel") if self.has_forces else ())))
-
-    @property
-    def mixes(self) -> tuple[str, ...]:
-        """The conditions of its trials that differ in the forces on the hand, "field", "null" and "channel"; empty
-        where all trials are alike.
-        """
-        return ()
-
-    def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
-        """Return which of the targets that it lists each trial of :meth:`trials` has, (n,), from 0; -1: no list."""
-        return np.full(len(uniform), -1, dtype=np.int32)
-
-    def field(self, uniform: NDArray[np.float64], settings: TrialSettings) -> HandForces | None:
-        """Return the forces of the trials as if the field were on in each of them, in place of any channel.
-
-        That is what a channel's force is measured against, and what catch trials lack.
-        """
-        return self.trials(uniform, settings).forces
+__all__ = [
+    "FEATURES",
+    "NEVER",
+    "PLACES",
+    "TASKS",
+    "HandForces",
+    "HoldPosition",
+    "RandomReach",
+    "ReachAndHold",
+    "Spring",
+    "Task",
+    "TaskLike",
+    "Timeline",
+    "Trials",
+    "TwoHolds",
+    "TwoReaches",
+    "make_task",
+]
 
 
 class RandomReach(Task):
@@ -164,8 +44,8 @@ class RandomReach(Task):
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
         return Trials(
-            start=_postures(uniform[:, :2], settings),
-            goal=_postures(uniform[:, 2:], settings),
+            start=uniform_postures(uniform[:, :2], settings),
+            goal=uniform_postures(uniform[:, 2:], settings),
             load=np.zeros((len(uniform), 2), dtype=np.float32),
         )
 
@@ -177,11 +57,12 @@ class HoldPosition(Task):
     judged_by = "time_in_goal"
 
     def trials(self, uniform: NDArray[np.float64], settings: TrialSettings) -> Trials:
-        start = _postures(uniform[:, :2], settings)
+        start = uniform_postures(uniform[:, :2], settings)
         return Trials(start=start, goal=start, load=draw_loads(uniform[:, 2:], settings))
 
 
-TASKS: dict[str, type[Task]] = {task.id: task for task in (RandomReach, HoldPosition)}
+_ALL: tuple[type[Task], ...] = (RandomReach, HoldPosition, TwoReaches, ReachAndHold, TwoHolds)
+TASKS: dict[str, type[Task]] = {task.id: task for task in _ALL}
 
 
 TaskLike: TypeAlias = "str | PathLike[str] | Task | Experiment"
@@ -192,7 +73,7 @@ def make_task(task: TaskLike) -> Task:
     """Return a task.
 
     Args:
-        task: "random_reach", "hold_position", the name of a paradigm such as "curl_field", an experiment or the YAML
+        task: the name of one of :data:`TASKS`, the name of a paradigm such as "curl_field", an experiment or the YAML
             file of one, or a task already.
 
     Raises:
@@ -205,25 +86,7 @@ def make_task(task: TaskLike) -> Task:
         raise TypeError(f"a task is an object of its class: give {task.__name__}(), not {task.__name__}.")
     if isinstance(task, str) and task in TASKS:
         return TASKS[task]()
-    from bilateral_rl.envs.experiments.files import find_experiment  # what the two tasks do without
+    from bilateral_rl.envs.experiments.files import find_experiment  # what these tasks do without
     from bilateral_rl.envs.experiments.task import ExperimentTask
 
     return ExperimentTask(find_experiment(task))
-
-
-def _postures(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
-    """Return postures (n, 2), uniform over the joint range (rad)."""
-    lower, upper = np.array(settings.arm.joint_lower_limit), np.array(settings.arm.joint_upper_limit)
-    return np.asarray(lower + uniform * (upper - lower), dtype=np.float32)
-
-
-def draw_loads(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32:
-    """Return loads (n, 2) on the hand (N), drawn as ``settings.load`` says from uniform numbers (n, 2).
-
-    The text says "random direction, random bounded intensity": we read it as a size that is uniform itself, rather than
-    a load uniform over the disk, of which most would be near the bound.
-    """
-    if settings.load == "axes":
-        return np.asarray((2 * uniform - 1) * settings.max_load, dtype=np.float32)
-    angle, size = 2 * np.pi * uniform[:, 0], settings.max_load * uniform[:, 1]
-    return np.asarray(size[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), dtype=np.float32)

@@ -12,7 +12,7 @@ from bilateral_rl.envs.arm.physics import arm_types
 from bilateral_rl.envs.forces import affine_forces
 from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import PLACES, Trials
+from bilateral_rl.envs.task import PLACES, Trials
 
 _, vec2, vec4, vec6, rows, Parameters = arm_types(wp.float32)
 mat22 = wp.types.matrix((2, 2), wp.float32)

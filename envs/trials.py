@@ -15,7 +15,7 @@ from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renew
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.reward import step_weights
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import Task, Trials
+from bilateral_rl.envs.task import Task, Trials
 from bilateral_rl.envs.trial_arrays import N_NOISE, OF_FORCES, OF_TIMELINE, Features, allocate, trial_rows, vec6
 from bilateral_rl.envs.trial_kernels import load_kernels, trial_kernels
 
@@ -152,7 +152,7 @@ class TrialBatch:
                 where there is none, or none where there is.
         """
         arms = checked_arms(arms, self.n)
-        trials = checked_trials(trials, len(arms), self.task, self.settings.arm)
+        trials = checked_trials(trials, len(arms), self.task, self.settings)
         self._set_noise(arms, noise)
         wp.launch(
             self._kernels.start,

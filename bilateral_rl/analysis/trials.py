@@ -147,7 +147,7 @@ class Evaluator:
         draws = [batch.draw(seeding.np_random(seed)[0]) for seed in self._seeds]
         uniform = np.concatenate([draw.uniform for draw in draws])
         noise = [draw.noise for draw in draws if draw.noise is not None]
-        trials = checked_trials(batch.task.trials(uniform, batch.settings), batch.n, batch.task, batch.settings.arm)
+        trials = checked_trials(batch.task.trials(uniform, batch.settings), batch.n, batch.task, batch.settings)
         return _Drawn(uniform, trials, np.concatenate(noise) if noise else None)
 
     def _field_force(self, arrays: dict[str, Float32]) -> Float32:

@@ -62,7 +62,7 @@ def _sequence(seed: int, *stream: int) -> np.random.SeedSequence:
 
 def _draw(sequence: np.random.SeedSequence, n: int, task: Task, settings: TrialSettings) -> TrialTensors:
     drawn = task.trials(np.random.default_rng(sequence).random((n, task.n_uniform)), settings)
-    trials = checked_trials(drawn, n, task, settings.arm)
+    trials = checked_trials(drawn, n, task, settings)
     arm = Arm(settings.arm)
 
     def hand(angles: NDArray[np.float32]) -> NDArray[np.float32]:

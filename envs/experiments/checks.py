@@ -14,7 +14,7 @@ from bilateral_rl.envs.experiments.places import Place
 from bilateral_rl.envs.experiments.standing import StandingArm, standing_arms
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.stability import check_stability
-from bilateral_rl.envs.tasks import HandForces
+from bilateral_rl.envs.task import HandForces
 
 _APART = 1e-6
 """Positions that are nearer to each other count as one (m)."""

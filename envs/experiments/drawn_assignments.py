@@ -7,12 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.draws import draw_loads
 from bilateral_rl.envs.experiments.assignment import Assignment, Cues, TargetJump
 from bilateral_rl.envs.experiments.drawn_places import chosen_index, draw_postures
 from bilateral_rl.envs.experiments.forces import Directions, ForcePulse, Forces
 from bilateral_rl.envs.experiments.standing import StandingArm
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import NEVER, HandForces, Timeline, Trials, draw_loads
+from bilateral_rl.envs.task import NEVER, HandForces, Timeline, Trials
 
 Float64 = NDArray[np.float64]
 Parts = Mapping[str, Float64]

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.tasks import HandForces, Trials
+from bilateral_rl.envs.task import HandForces, Trials
 
 T = TypeVar("T")
 _MIRROR = np.array([-1.0, 1.0])

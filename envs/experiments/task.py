@@ -17,7 +17,7 @@ from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.experiments.forces import Forces
 from bilateral_rl.envs.experiments.standing import standing_arms
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import FEATURES, HandForces, Spring, Task, Trials
+from bilateral_rl.envs.task import FEATURES, HandForces, Spring, Task, Trials
 
 Float64 = NDArray[np.float64]
 _ENDS = np.cumsum([0, *NUMBERS.values()]).tolist()

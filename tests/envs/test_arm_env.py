@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from arm_faces import SETTINGS, assert_same, each_setting
 from gymnasium.utils.env_checker import check_env as gymnasium_check
+from one_arm_tasks import ONE_ARM_TASKS
 from rich_tasks import RICH_SETTINGS, Rich
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
-from bilateral_rl.envs import ENVIRONMENT_IDS, TASKS, ArmEnv, ArmVecEnv, ArmVectorEnv, TrialSettings
+from bilateral_rl.envs import ENVIRONMENT_IDS, ArmEnv, ArmVecEnv, ArmVectorEnv, TrialSettings
 from bilateral_rl.envs.task_specs import PARADIGMS
 
-IDS = list(ENVIRONMENT_IDS.values())
+IDS = [name for task, name in ENVIRONMENT_IDS.items() if task in (*ONE_ARM_TASKS, *PARADIGMS)]
 TRIAL_LENGTHS = {name: ArmEnv(task).settings.trial_length for task, name in PARADIGMS.items()}
 """Of experiments, whose cues and pulses need their time."""
 
@@ -91,7 +92,7 @@ def test_the_stretched_and_the_folded_arm_lie_in_the_observation_space():
 
 
 @pytest.mark.parametrize(
-    ("task", "settings"), list(zip([*TASKS, Rich()], SETTINGS.values(), strict=True)), ids=SETTINGS
+    ("task", "settings"), list(zip([*ONE_ARM_TASKS, Rich()], SETTINGS.values(), strict=True)), ids=SETTINGS
 )
 def test_the_same_seed_gives_the_same_trials(task, settings):
     one, two = ArmEnv(task, **settings), ArmEnv(task, **settings)
@@ -229,7 +230,7 @@ def test_a_trial_ends_by_truncation_after_its_length(length):
         assert np.isnan(last["speed_to_goal"])
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", ONE_ARM_TASKS)
 def test_the_reward_is_minus_the_papers_losses(task):
     """Recomputed in NumPy from what the agent sees and does (paper section 4)."""
     env = ArmEnv(task)

@@ -7,17 +7,18 @@ import pickle
 import numpy as np
 import pytest
 from arm_faces import assert_same, each_setting
+from one_arm_tasks import ONE_ARM_TASKS
 from rich_tasks import RICH_SETTINGS, Rich
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecNormalize
 
-from bilateral_rl.envs import TASKS, ArmEnv, ArmVecEnv
+from bilateral_rl.envs import ArmEnv, ArmVecEnv
 
 LENGTH = 5
 MEASURES = ("is_success", "speed_to_goal", "time_in_goal", "final_error")
-each_task = pytest.mark.parametrize("task", [*TASKS, Rich()], ids=[*TASKS, "rich"])
+each_task = pytest.mark.parametrize("task", [*ONE_ARM_TASKS, Rich()], ids=[*ONE_ARM_TASKS, "rich"])
 
 
 def actions(steps, n, seed=0):

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from arm_faces import each_setting
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from one_arm_tasks import ONE_ARM_TASKS
 from rich_tasks import RICH_SETTINGS, Rich
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmEnv, ArmVectorEnv
+from bilateral_rl.envs.task_specs import PARADIGMS
 
 LENGTH, N = 4, 3
-IDS = list(ENVIRONMENT_IDS.values())
+IDS = [name for task, name in ENVIRONMENT_IDS.items() if task in (*ONE_ARM_TASKS, *PARADIGMS)]
 each_id = pytest.mark.parametrize("name", IDS)
 SAME, NEXT, DISABLED = AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED
 each_mode = pytest.mark.parametrize("mode", [SAME, NEXT, DISABLED], ids=lambda mode: mode.value)

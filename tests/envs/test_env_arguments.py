@@ -176,8 +176,20 @@ PLAIN = {
     VecVectorReward: {"venv": lambda: pendulums(), "reward_pairs": pairs(1.0)},
 }
 ELSEWHERE = {"Arm", "ArmParameters", "Experiment", "ExperimentError", "ExperimentTask", "TrialBatch", "TrialSettings"}
-"""Classes that other tests look at: of this file, of trials in test_doors.py, of experiments in test_experiment*.py."""
-DATA = {"ArmState", "Transition", "Trials", "HoldPosition", "RandomReach", "Task"}
+ELSEWHERE |= {"SpringSettings", "TwoArmSettings"}
+"""Classes that other tests look at: of this file, of trials in test_doors.py, of experiments in test_experiment*.py, of
+two arms in test_two_arm*.py."""
+DATA = {
+    "ArmState",
+    "Transition",
+    "Trials",
+    "Task",
+    "HoldPosition",
+    "RandomReach",
+    "ReachAndHold",
+    "TwoHolds",
+    "TwoReaches",
+}
 """Classes without a constructor of their own: tuples of arrays, and tasks, which take no arguments."""
 
 

@@ -36,7 +36,7 @@ class Everything(Task):
 @pytest.fixture
 def plan():
     task = Everything()
-    trials = checked_trials(task.trials(np.zeros((5, 0)), SETTINGS), 5, task, SETTINGS.arm)
+    trials = checked_trials(task.trials(np.zeros((5, 0)), SETTINGS), 5, task, SETTINGS)
     return plan_of(trials, task.target_indices(np.zeros((5, 0)), SETTINGS), SETTINGS)
 
 

@@ -5,19 +5,20 @@ import math
 import numpy as np
 import pytest
 import torch
+from one_arm_tasks import ONE_ARM_TASKS
 from trainers import finish, of_seed
 
 from bilateral_rl.bptt import trainer as trainer_module
 from bilateral_rl.bptt.trials import epoch_order, initial_weights_seed, training_trials, validation_trials
 from bilateral_rl.config.catalogue import MODELS, find_model
 from bilateral_rl.envs import Arm
-from bilateral_rl.envs.tasks import TASKS, make_task
+from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.runs.policies import build_network
 
 # Stacks
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", ONE_ARM_TASKS)
 @pytest.mark.parametrize("model", ["cc_s", "uni_b"])
 def test_a_seed_of_a_stack_ends_with_the_bits_it_has_alone(make_trainer, small_bptt, same_bits, model, task):
     settings = {"model": model, "task": task, "bptt": {"learning_rate": 0.02}}

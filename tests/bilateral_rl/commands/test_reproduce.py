@@ -12,11 +12,11 @@ import pandas as pd
 import pytest
 import yaml
 from made_up_results import make_results
+from one_arm_tasks import ONE_ARM_TASKS
 
 from bilateral_rl.api import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study import local, reproduction
@@ -153,7 +153,9 @@ def test_a_study_goes_to_a_folder_of_its_own(invoke, outcomes, tmp_path, options
 def test_models_can_be_chosen(invoke, outcomes):
     invoke("reproduce", "--models", "bi_s", "--models", "bi_ns", "--models", "bi_s", "--out", "study")
     ((jobs, _, _),) = outcomes.calls
-    assert sorted(job.name for job in jobs) == [f"{task}/{m}" for task in sorted(TASK_SPECS) for m in ("bi_ns", "bi_s")]
+    assert sorted(job.name for job in jobs) == [
+        f"{task}/{m}" for task in sorted(ONE_ARM_TASKS) for m in ("bi_ns", "bi_s")
+    ]
     with pytest.raises(UserError, match=r"holds a study with models = \['bi_ns', 'bi_s'\], not"):
         invoke("reproduce", "--out", "study")
 

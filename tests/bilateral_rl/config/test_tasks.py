@@ -137,7 +137,7 @@ def test_the_configuration_of_another_experiments_run_brings_its_choices_alone(m
         (
             "curl_feild",
             [],
-            "Unknown task 'curl_feild'; choose from random_reach, hold_position, center_out, ",
+            "Unknown task 'curl_feild'; choose from random_reach, hold_position, ",
         ),
         ("none.yaml", [], "There is no experiment none.yaml"),
     ],

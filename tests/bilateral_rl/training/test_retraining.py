@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from one_arm_tasks import ONE_ARM_TASKS
 from rich_tasks import RICH_SETTINGS, Rich
 
 from bilateral_rl.analysis.protocols import Protocol
@@ -158,7 +159,7 @@ def assert_as_in_torch(networks, rows, lesion, protocol, task="random_reach", mo
     [
         *zip(
             ["intact", *LESIONS],
-            itertools.cycle(TASKS),
+            itertools.cycle(ONE_ARM_TASKS),
             itertools.cycle(["output", "everything", "combination"]),
             strict=False,
         ),
