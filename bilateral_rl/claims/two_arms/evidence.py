@@ -1,0 +1,140 @@
+"""The results that B1 to B6 ask for: values by seed of a hand in a role, of networks in a state, by the spring."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import pandas as pd
+
+from bilateral_rl.analysis.floor import is_above
+from bilateral_rl.analysis.hand_metrics import COMBINED_LOSS, HAND_METRICS, Role, hand_metric
+from bilateral_rl.analysis.metric import Better, Metric
+from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.analysis.results import State, by_seed
+from bilateral_rl.claims.evidence import Measure, Sample
+from bilateral_rl.claims.two_arms.criteria import HandCriteria
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import INTACT, lesion_words
+from bilateral_rl.vocabulary import SIDES, Side
+
+TASK = "reach_and_hold"
+"""The task that the claims are about."""
+NOT_LEARNED = 50.0
+"""Extent (%) of the intact network's reaches below which, with either hand, it counts as not having learned: it stays
+on the plateau of keeping both hands where they are [ours]."""
+OTHER: dict[Side, Side] = {SIDES[0]: SIDES[1], SIDES[1]: SIDES[0]}
+"""The other hand, or the other hemisphere."""
+NONE = Protocol("none").name
+_STATE = ("metric", "task", "model", "lesion", "protocol", "network")
+"""Columns that together name a sample."""
+
+
+class HandEvidence:
+    """Results as B1 to B6 ask for them.
+
+    Networks that never learned the task are left out of every sample: a hand that stays where it is moves straight and
+    holds well. :meth:`left_out` names them.
+
+    Args:
+        results: long tables (:mod:`bilateral_rl.analysis.results`) of one algorithm by the stiffness of the spring in
+            the tests (N/m); one that is missing leaves undecided what needs it.
+        criteria: what they are judged by.
+        task: of the trials.
+
+    Raises:
+        UserError: results of several algorithms.
+    """
+
+    def __init__(self, results: Mapping[float, pd.DataFrame], criteria: HandCriteria, task: str = TASK) -> None:
+        algorithms = sorted({algo for table in results.values() for algo in set(table["algo"])})
+        if len(algorithms) > 1:
+            raise UserError(f"Claims are tested on results of one algorithm, not of {' and '.join(algorithms)}.")
+        self._results, self.criteria, self.task = dict(results), criteria, task
+        self._rows = {spring: table.groupby(list(_STATE)).indices for spring, table in results.items()}
+        self._not_learned: dict[str, list[int]] = {}
+
+    def in_task(self, task: str) -> HandEvidence:
+        """Return the same of another task, whose networks are others and know no spring."""
+        return HandEvidence(self._results, replace(self.criteria, spring=0.0), task)
+
+    def hand(
+        self,
+        measure: str,
+        model: str,
+        hand: Side,
+        role: Role,
+        *,
+        spring: float | None = None,
+        lesion: str = INTACT,
+        protocol: str = NONE,
+    ) -> Sample:
+        """Return a measure of one hand in one role.
+
+        Args:
+            measure: a name in :data:`~bilateral_rl.analysis.hand_metrics.HAND_METRICS`.
+            model: name of the model.
+            hand: whose.
+            role: of the hand.
+            spring: stiffness of the spring in the tests (N/m); None for that of the criteria.
+            lesion: of the networks.
+            protocol: name of what followed the lesion.
+        """
+        name = f"{hand.replace('_', '-')} hand of {model}"
+        name += "" if lesion == INTACT else f" with {lesion_words(lesion)} lesion"
+        label = HAND_METRICS[measure]
+        shown = Measure(replace(hand_metric(measure, hand, role), label=label.label), self.task)
+        values = self._values(hand_metric(measure, hand, role).name, State(self.task, model, lesion, protocol), spring)
+        return Sample(name, State(self.task, model, lesion, protocol), shown, values)
+
+    def loss(self, model: str, *, spring: float, lesion: str, protocol: str) -> pd.Series:
+        """Return the combined loss by seed."""
+        return self._values(COMBINED_LOSS, State(self.task, model, lesion, protocol), spring)
+
+    def is_relearned(self, model: str, *, spring: float, lesion: str, protocol: str) -> bool:
+        """Whether networks lose no less than freshly initialized ones that the same was done to; no if nobody knows."""
+        state = State(self.task, model, lesion, protocol)
+        states = (state, state.control, state.after(INTACT))
+        table = pd.concat([self._values(COMBINED_LOSS, one, spring) for one in states], axis=1, join="inner")
+        return is_above(*(-table.iloc[:, i] for i in range(3))) is False
+
+    def has(self, model: str) -> bool:
+        """Whether there is any result of the model in the task, whatever it is worth."""
+        return any(((table["model"] == model) & (table["task"] == self.task)).any() for table in self._results.values())
+
+    def not_learned(self, model: str) -> list[int]:
+        """Return the seeds whose intact network never learned the task (:data:`NOT_LEARNED`), in rising order."""
+        if model not in self._not_learned:
+            extents = [self._raw(_extent(hand), State(self.task, model), None) for hand in SIDES]
+            table = pd.concat(extents, axis=1, join="outer").min(axis=1)
+            self._not_learned[model] = sorted(map(int, table.index[table < NOT_LEARNED]))
+        return self._not_learned[model]
+
+    def left_out(self, models: Sequence[str]) -> str:
+        """Say in words which networks of these models never learned and are left out; "" if none."""
+        parts = [
+            f"{model} {', '.join(map(str, seeds))}" for model in models if (seeds := self.not_learned(model))
+        ]  # fmt: skip
+        return f"never learned and left out, by seed: {'; '.join(parts).replace(';', ' and')}" if parts else ""
+
+    def _values(self, metric: str, state: State, spring: float | None) -> pd.Series:
+        values = self._raw(metric, state, spring)
+        return values[~values.index.isin(self.not_learned(state.model))]
+
+    def _raw(self, metric: str, state: State, spring: float | None) -> pd.Series:
+        spring = self.criteria.spring if spring is None else spring
+        key = metric, state.task, state.model, state.lesion, state.protocol, state.network
+        rows = self._rows.get(spring, {}).get(key, [])  # looked up, as tables are long and a study has many readings
+        if not len(rows):
+            return pd.Series(dtype="float64", index=pd.Index([], dtype="int64"))
+        return by_seed(self._results[spring].iloc[rows], metric, state)
+
+
+def derived(label: str, unit: str, task: str, better: Better = "lower") -> Measure:
+    """Return a measure that is computed from others, and of no trials itself."""
+    return Measure(Metric("derived", label, unit, (), better, label, lambda record: math.nan), task)
+
+
+def _extent(hand: Side) -> str:
+    return hand_metric("extent", hand, "reach").name

@@ -1,0 +1,100 @@
+"""Long tables of made-up results of two arms, by spring, in which every effect has the size asked for."""
+
+import numpy as np
+import pandas as pd
+from made_up_results import standard_noise
+from treatments import treated
+
+from bilateral_rl.analysis.hand_metrics import COMBINED_LOSS, HAND_METRICS, hand_metric
+from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.vocabulary import SIDES
+
+MODELS = ("bi_ns", "bi_s", "cc_ns", "cc_s")
+SPRINGS = (50.0, 0.0)
+USUAL = {"extent": 95, "completion_3cm": 85, "completion_5cm": 96, "speed_to_goal": 1.5, "final_error": 2,
+         "max_deviation": 4, "max_deviation_until_2cm": 4, "direction_error": 12, "direction_error_until_2cm": 12,
+         "path_ratio": 1.2, "path_ratio_until_2cm": 1.2, "rms_error": 2, "drift": 2, "steps_1cm": 15, "steps_2cm": 30,
+         "steps_5cm": 48}  # fmt: skip
+"""Of every hand without an effect."""
+STRAIGHT = ("max_deviation_until_2cm", "max_deviation", "direction_error_until_2cm", "direction_error",
+            "path_ratio_until_2cm", "path_ratio")  # fmt: skip
+_IN_THE_NOISE = 0.002
+
+
+class World:
+    """What is true of the made-up networks; by default the claims, each by a fifth of the mean.
+
+    Attributes:
+        straighter: by which share of the mean the dominant hand of a model reaches straighter.
+        steadier: by which share of the mean the non-dominant hand of a model holds more stably.
+        harm: combined loss without callosum over intact, by spring.
+        deficits: by (model, lesioned side, measure), what the ipsilesional arm's measure is multiplied by.
+        stuck: seeds of a model that stayed on the plateau.
+    """
+
+    def __init__(self):
+        specialized = {"bi_s": 0.2, "cc_s": 0.2}
+        self.straighter, self.steadier = dict(specialized), dict(specialized)
+        self.harm = {50.0: 1.5, 0.0: 1.2}
+        self.deficits = {
+            (model, side, name): 1.3
+            for model in MODELS
+            for side, names in (("dominant", STRAIGHT), ("non_dominant", ("final_error",)))
+            for name in names
+        }
+        self.stuck, self.without, self.noise, self.seeds = {}, (), _IN_THE_NOISE, 10
+        self.tasks = ("reach_and_hold",)
+
+    def results(self):
+        """The tables by spring."""
+        rng = np.random.default_rng(0)
+        return {spring: self._table(spring, rng) for spring in SPRINGS}
+
+    def _table(self, spring, rng):
+        rows, noise = [], standard_noise(self.seeds, rng)
+        for task in self.tasks:
+            for model in (m for m in MODELS if m not in self.without):
+                for lesion, protocol in _states(model):
+                    treatment = treated(protocol)
+                    for name, mean in self._means(model, lesion, spring).items():
+                        values = mean * (1 + self.noise * rng.permutation(noise))
+                        for seed in self.stuck.get(model, ()):
+                            values[seed] = _stuck(name, values[seed])
+                        rows += [(model, task, "bptt", seed, lesion, *treatment, name, value)
+                                 for seed, value in enumerate(values)]  # fmt: skip
+        return pd.DataFrame(rows, columns=list(COLUMNS))
+
+    def _means(self, model, lesion, spring):
+        """By the name of the metric."""
+        means = {COMBINED_LOSS: 0.05 * (self.harm[spring] if lesion == "callosum" else 1.0)}
+        for name, metric in HAND_METRICS.items():
+            for role in metric.roles:
+                for hand in SIDES:
+                    means[hand_metric(name, hand, role).name] = self._mean(model, lesion, name, hand, role)
+        return means
+
+    def _mean(self, model, lesion, name, hand, role):
+        mean, sign = USUAL[name], 1 if hand == "non_dominant" else -1
+        if name in STRAIGHT:
+            mean *= 1 + sign * self.straighter.get(model, 0) / 2
+        if role == "hold":
+            up = 1 if HAND_METRICS[name].better == "lower" else -1
+            mean *= 1 - sign * up * self.steadier.get(model, 0) / 2
+        side = lesion.removeprefix("deep_")
+        if side in SIDES and role == "reach":
+            if side == hand:
+                return 0.3 * mean  # limp
+            mean *= self.deficits.get((model, side, name), 1.0)
+        return mean
+
+
+def _states(model):
+    lesions = ["intact", "deep_dominant", "deep_non_dominant", *(["callosum"] if model.startswith("cc") else [])]
+    return [(lesion, protocol) for lesion in lesions for protocol in ("none", "output")]
+
+
+def _stuck(name, value):
+    """A hand that stays where it is moves straight and holds perfectly."""
+    if "extent" in name or "completion" in name:
+        return 3.0
+    return 0.1 if "deviation" in name or "rms" in name else value
