@@ -1,4 +1,4 @@
-"""Postures and loads from uniform numbers, as tasks of one arm and of two draw them."""
+"""Postures and loads from uniform numbers, and springs, as tasks of one arm and of two have them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bilateral_rl.envs.task import Spring
 
 if TYPE_CHECKING:
     from bilateral_rl.envs.settings import TrialSettings
@@ -29,3 +31,9 @@ def draw_loads(uniform: NDArray[np.float64], settings: TrialSettings) -> Float32
         return np.asarray((2 * uniform - 1) * settings.max_load, dtype=np.float32)
     angle, size = 2 * np.pi * uniform[..., 0], settings.max_load * uniform[..., 1]
     return np.asarray(size[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), dtype=np.float32)
+
+
+def springs(n: int, settings: TrialSettings) -> Spring:
+    """Return the spring of the settings for each of ``n`` trials of two arms."""
+    spring = settings.two_arms.spring
+    return Spring(np.full(n, spring.stiffness, dtype=np.float32), np.full(n, spring.damping, dtype=np.float32))

@@ -145,8 +145,12 @@ class Task(ABC):
         return ()
 
     def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
-        """Return which of the targets that it lists each trial of :meth:`trials` has, (n,), from 0; -1: no list."""
-        return np.full(len(uniform), -1, dtype=np.int32)
+        """Return which of the targets that it lists each trial of :meth:`trials` has, from 0; -1: no list.
+
+        (n,) of one arm, (n, 2) of two arms.
+        """
+        n = len(uniform)
+        return np.full(n if self.n_arms == 1 else (n, self.n_arms), -1, dtype=np.int32)
 
     def field(self, uniform: NDArray[np.float64], settings: TrialSettings) -> HandForces | None:
         """Return the forces of the trials as if the field were on in each of them, in place of any channel.

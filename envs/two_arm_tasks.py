@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import ArmParameters
-from bilateral_rl.envs.draws import draw_loads, uniform_postures
+from bilateral_rl.envs.draws import draw_loads, springs, uniform_postures
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics, is_in_workspace
 from bilateral_rl.envs.stability import check_spring
-from bilateral_rl.envs.task import Spring, Task, Trials
+from bilateral_rl.envs.task import Task, Trials
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,7 +37,7 @@ class _TwoArmTask(Task):
     n_arms = 2
 
     def check(self, settings: TrialSettings) -> None:
-        check_spring(_spring(1, settings), settings.arm)
+        check_spring(springs(1, settings), settings.arm)
 
 
 class TwoReaches(_TwoArmTask):
@@ -51,7 +51,7 @@ class TwoReaches(_TwoArmTask):
         n = len(uniform)
         postures = uniform_postures(uniform.reshape(n, 2, 2, 2), settings)  # trial, arm, start or goal, joint
         no_load = np.zeros((n, 2, 2), dtype=np.float32)
-        return Trials(postures[:, :, 0], postures[:, :, 1], no_load, spring=_spring(n, settings))
+        return Trials(postures[:, :, 0], postures[:, :, 1], no_load, spring=springs(n, settings))
 
 
 class TwoHolds(_TwoArmTask):
@@ -65,7 +65,7 @@ class TwoHolds(_TwoArmTask):
         n = len(uniform)
         parts = uniform.reshape(n, 2, 2, 2)  # trial, arm, posture or load, joint or axis
         start = uniform_postures(parts[:, :, 0], settings)
-        return Trials(start, start, draw_loads(parts[:, :, 1], settings), spring=_spring(n, settings))
+        return Trials(start, start, draw_loads(parts[:, :, 1], settings), spring=springs(n, settings))
 
 
 class ReachAndHold(_TwoArmTask):
@@ -96,17 +96,11 @@ class ReachAndHold(_TwoArmTask):
         chosen = (possible.cumsum(axis=1) > nth[:, None]).argmax(axis=1)
         goal = start.copy()
         goal[every, reaching] = inverse_kinematics(targets[every, chosen], arm)
-        return Trials(start, goal, np.zeros((n, 2, 2), dtype=np.float32), spring=_spring(n, settings))
+        return Trials(start, goal, np.zeros((n, 2, 2), dtype=np.float32), spring=springs(n, settings))
 
     def check(self, settings: TrialSettings) -> None:
         super().check(settings)
         _check_targets(settings.arm, settings.two_arms.shoulder_distance, settings.two_arms.reach)
-
-
-def _spring(n: int, settings: TrialSettings) -> Spring:
-    """Return the spring of the settings for ``n`` trials."""
-    spring = settings.two_arms.spring
-    return Spring(np.full(n, spring.stiffness, dtype=np.float32), np.full(n, spring.damping, dtype=np.float32))
 
 
 def _reaching_arm(uniform: Float64, settings: TrialSettings) -> NDArray[np.intp]:

@@ -87,7 +87,8 @@ def check_fit(config: TrainConfig) -> None:
     try:
         check_experiment(config.experiment, config.trial)
     except UnfitExperimentError as error:
-        raise UserError(f"experiment.{error}") from None
+        where = "" if error.field.startswith("trial.") else "experiment."
+        raise UserError(f"{where}{error}") from None
 
 
 def check_updates(config: TrainConfig) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.draws import springs
 from bilateral_rl.envs.experiments.assignment import Assignment, Cues
 from bilateral_rl.envs.experiments.drawn_places import check_place, listed_hands, number_listed
 from bilateral_rl.envs.experiments.exchanged import mirrored_gains
@@ -13,7 +14,7 @@ from bilateral_rl.envs.experiments.forces import Directions, Forces
 from bilateral_rl.envs.experiments.places import Place
 from bilateral_rl.envs.experiments.standing import StandingArm, standing_arms
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.stability import check_stability
+from bilateral_rl.envs.stability import check_spring, check_stability
 from bilateral_rl.envs.task import HandForces
 
 _APART = 1e-6
@@ -48,6 +49,11 @@ def check_experiment(experiment: Experiment, settings: TrialSettings) -> None:
             raise UnfitExperimentError(within + error.field, error.reason) from None
     if experiment.paired:
         _check_pairs(*experiment.assignments.values())
+    if experiment.arms is not None:
+        try:
+            check_spring(springs(1, settings), settings.arm)
+        except ValueError as error:
+            raise UnfitExperimentError("trial.two_arms.spring", str(error)) from None
 
 
 def _check_pairs(dominant: Assignment, non_dominant: Assignment) -> None:

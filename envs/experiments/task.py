@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.draws import springs
 from bilateral_rl.envs.experiments.assignment import Assignment, Cues
 from bilateral_rl.envs.experiments.checks import check_experiment
 from bilateral_rl.envs.experiments.drawn_assignments import CHOICES, NUMBERS, Parts, draw_assignment
@@ -17,7 +18,7 @@ from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.experiments.forces import Forces
 from bilateral_rl.envs.experiments.standing import standing_arms
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.task import FEATURES, HandForces, Spring, Task, Trials
+from bilateral_rl.envs.task import FEATURES, HandForces, Task, Trials
 
 Float64 = NDArray[np.float64]
 _ENDS = np.cumsum([0, *NUMBERS.values()]).tolist()
@@ -63,9 +64,7 @@ class ExperimentTask(Task):
         )
         if self.n_arms == 1:
             return trials
-        spring = settings.two_arms.spring
-        stiffness, damping = (np.full(len(uniform), of, dtype=np.float32) for of in (spring.stiffness, spring.damping))
-        return exchanged(trials, self._exchanges(uniform))._replace(spring=Spring(stiffness, damping))
+        return exchanged(trials, self._exchanges(uniform))._replace(spring=springs(len(uniform), settings))
 
     def check(self, settings: TrialSettings) -> None:
         check_experiment(self.experiment, settings)

@@ -93,6 +93,11 @@ BROKEN_ARMS = {
         3,
         "two_arms has no effect on one",
     ),
+    "an unstable spring": (
+        ARMS + "trial:\n  two_arms: {spring: {stiffness: 5000}}\n",
+        5,
+        "trial.two_arms.spring: a spring of 5000 N/m",
+    ),
     "roles that the arms have": (ARMS + "trial: {two_arms: {roles: drawn}}\n", 4, "two_arms.roles has no effect where"),
 }
 BROKEN = {

@@ -5,8 +5,9 @@ import pytest
 
 from bilateral_rl.envs import ArmParameters, Experiment, ExperimentTask, TrialSettings, hand_position
 from bilateral_rl.envs.body_frame import in_body_frame
+from bilateral_rl.envs.doors import checked_trials
 from bilateral_rl.envs.experiments.standing import standing_arms
-from bilateral_rl.envs.tasks import NEVER
+from bilateral_rl.envs.task import NEVER
 
 MANY = 20_000
 RIGHT = {"start": {"hand": [0.1, 0.4]}, "target": {"center_out": {"number": 4, "radius": 0.1}}}
@@ -29,6 +30,11 @@ def in_body(postures, distance=0.36):
 
 def rows(of):
     return {tuple(row) for row in np.round(of.reshape(-1, of.shape[-1]), 4).tolist()}
+
+
+def leaves(of):
+    """The arrays of trials, in their order."""
+    return [of] if isinstance(of, np.ndarray) else [array for part in of or () for array in leaves(part)]
 
 
 def mirrored(vectors):
@@ -86,6 +92,12 @@ def test_arms_that_exchange_what_they_do_do_it_mirrored():
     for name in ("velocity_gain", "position_gain"):
         there, here = (getattr(trials.forces, name)[0].astype(float) for trials in (swapped, kept))
         np.testing.assert_allclose(there @ mirrored(velocity), mirrored(here @ velocity)[::-1], atol=1e-6)
+    # In the arms' own frames, the rows of both arms have changed places.
+    rows_kept, rows_swapped = (
+        checked_trials(trials, 400, ExperimentTask(experiment(**parts)), TrialSettings()) for trials in (kept, swapped)
+    )
+    for mine, others in zip(*(leaves(rows._replace(spring=None)) for rows in (rows_kept, rows_swapped)), strict=True):
+        np.testing.assert_allclose(others.reshape(400, 2, -1)[:, ::-1], mine.reshape(400, 2, -1), atol=1e-7)
     some, _ = draw(experiment(**parts, exchange=0.25))
     assert (some.load[:, 1].any(axis=1)).mean() == pytest.approx(0.25, abs=0.02)
 
