@@ -13,7 +13,7 @@ from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor, nn
 
 from bilateral_rl.policies.motor_network import MotorNetwork
-from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_commands, check_traces
+from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_traces, network_arguments
 from bilateral_rl.policies.networks import make_network
 from bilateral_rl.policies.quantities import finite, whole, widths
 from bilateral_rl.policies.sb3_arguments import NOT_AVAILABLE, available
@@ -36,9 +36,14 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         action_space: a bounded Box.
         lr_schedule: learning rate by remaining progress.
         architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases below have one by default.
-        units: units per hidden layer of the actor, over both sides.
+        units: units per hidden layer of the actor, over both sides; None for 10 an arm.
         layers: hidden layers of the actor.
         hidden_noise: standard deviation of the noise on each hidden unit's activity in the actor, whatever it is for.
+        n_arms: arms that the network commands, 1 or 2; None for 1, and to be given where the spaces are those of two
+            arms. The hemispheric algorithms take it from the environment.
+        ipsilateral_share: of two arms, weight of each hemisphere in the commands to the arm of its own side; None for
+            0.15, 0 for no such path.
+        trained_combination: of two arms, whether these weights are trained; None for False.
         critic_arch: units of each hidden layer of a critic.
         n_streams: number of reward streams, a critic for each. SB3's scalar value is the mean of the streams' values.
         n_traces: traces of past actions that the critics see besides the observation, as many as the algorithm keeps.
@@ -62,9 +67,12 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         action_space: spaces.Space[Any],
         lr_schedule: Schedule,
         architecture: Architecture | None = None,
-        units: int = 10,
+        units: int | None = None,
         layers: int = 2,
         hidden_noise: float = 0.0,
+        n_arms: int | None = None,
+        ipsilateral_share: float | None = None,
+        trained_combination: bool | None = None,
         critic_arch: tuple[int, ...] = (64, 64),
         n_streams: int = 1,
         n_traces: int = 0,
@@ -72,13 +80,17 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         log_std_init: float = 0.0,
         **kwargs: Any,
     ) -> None:
-        check_commands(action_space)
-        self._network: dict[str, Any] = {
-            "architecture": architecture or type(self).architecture,
-            "units": whole("units", units),
-            "layers": whole("layers", layers),
-            "hidden_noise": finite("hidden_noise", hidden_noise, 0.0),
-        }
+        self._network = network_arguments(
+            observation_space,
+            action_space,
+            n_arms,
+            architecture=architecture or type(self).architecture,
+            units=units,
+            layers=layers,
+            hidden_noise=hidden_noise,
+            ipsilateral_share=ipsilateral_share,
+            trained_combination=trained_combination,
+        )
         self.critic_arch = widths("critic_arch", critic_arch)
         self.critic_activation_fn = critic_activation_fn
         self.n_streams, self.n_traces = whole("n_streams", n_streams), whole("n_traces", n_traces, least=0)
@@ -190,7 +202,8 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
             "critic_activation_fn": self.critic_activation_fn,
             "share_features_extractor": self.share_features_extractor,  # which SB3 forgets
         }
-        return {name: value for name, value in data.items() if name not in NOT_AVAILABLE} | self._network | critics
+        others = {name: value for name, value in data.items() if name not in NOT_AVAILABLE}
+        return others | self._shape_of_network() | critics
 
 
 class UnilateralPolicy(BilateralActorCriticPolicy):

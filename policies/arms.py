@@ -12,6 +12,10 @@ IPSILATERAL_SHARE = 0.15
 corticospinal tract do not cross (Nathan, Smith and Deacon 1990, doi:10.1093/brain/113.2.303)."""
 
 
+OF_TWO_ARMS = (40, 12)
+"""Numbers that an environment of two arms shows, and that it takes."""
+
+
 def checked_arms(n_arms: object) -> int:
     """Return the number of arms.
 
@@ -22,6 +26,20 @@ def checked_arms(n_arms: object) -> int:
     if number > len(SIDES):
         raise ValueError(f"n_arms must be 1 or 2, got {number}.")
     return number
+
+
+def arms_of_spaces(n_arms: object, n_observed: int, n_actions: int) -> int:
+    """Return the number of arms of a policy, 1 where nobody says it.
+
+    Raises:
+        ValueError: anything but 1 and 2, or nothing where the numbers of the spaces are those of two arms.
+    """
+    if n_arms is None and (n_observed, n_actions) == OF_TWO_ARMS:
+        raise ValueError(
+            f"{n_observed} observed numbers and {n_actions} actions are those of two arms: give policy_kwargs n_arms=2 "
+            "for a network that crosses over to both, or n_arms=1 for one that takes them for a single arm's."
+        )
+    return checked_arms(1 if n_arms is None else n_arms)
 
 
 def each_arms(name: str, size: int, n_arms: int) -> int:

@@ -10,6 +10,7 @@ from gymnasium import spaces
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 
+from bilateral_rl.policies.arms import arms_of_spaces
 from bilateral_rl.policies.motor_network import MotorNetwork
 
 
@@ -34,6 +35,11 @@ class MotorPolicy(BasePolicy):
     @abstractmethod
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""
+
+    def _shape_of_network(self) -> dict[str, Any]:
+        """Return the arguments of the policy that say what network it has, as it has been built."""
+        arguments = self.motor_network.arguments
+        return {name: value for name, value in arguments.items() if name not in ("n_inputs", "n_outputs")}
 
     def _use_fused_adam(self) -> None:
         """Choose Adam's fused kernel, unless another optimizer or another of its kernels is asked for.
@@ -80,6 +86,19 @@ class Constrained(nn.Module):
         super().__setstate__(state)  # type: ignore[no-untyped-call]
         if "_optimizer" in state:  # which has lost its hooks by being copied
             self.optimizer = state["_optimizer"]
+
+
+def network_arguments(
+    observation_space: spaces.Space[Any], action_space: spaces.Space[Any], n_arms: int | None, **arguments: Any
+) -> dict[str, Any]:
+    """Return the arguments of a policy that say what network it has, for ``make_network`` beside those of its spaces.
+
+    Raises:
+        ValueError: an unbounded or non-Box action space, or no number of arms where the spaces are those of two.
+    """
+    check_commands(action_space)
+    n_arms = arms_of_spaces(n_arms, spaces.flatdim(observation_space), spaces.flatdim(action_space))
+    return {"n_arms": n_arms, **arguments}
 
 
 def check_commands(action_space: spaces.Space[Any]) -> None:

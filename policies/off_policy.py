@@ -16,7 +16,7 @@ from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
 from bilateral_rl.policies.motor_network import MotorNetwork
-from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, check_commands
+from bilateral_rl.policies.motor_policy import Constrained, MotorPolicy, network_arguments
 from bilateral_rl.policies.networks import make_network
 from bilateral_rl.policies.quantities import finite, switch, whole, widths
 from bilateral_rl.policies.sb3_arguments import NOT_AVAILABLE, available
@@ -116,10 +116,15 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         action_space: a bounded Box.
         lr_schedule: learning rate by remaining progress.
         architecture: ``"unilateral"``, ``"bilateral"`` or ``"callosal"``; the aliases have one by default.
-        units: units per hidden layer of the network, over both sides.
+        units: units per hidden layer of the network, over both sides; None for 10 an arm.
         layers: hidden layers of the network.
         hidden_noise: standard deviation of the noise on each hidden unit's activity in the network, drawn anew whenever
             it acts or learns.
+        n_arms: arms that the network commands, 1 or 2; None for 1, and to be given where the spaces are those of two
+            arms. The hemispheric algorithms take it from the environment.
+        ipsilateral_share: of two arms, weight of each hemisphere in the commands to the arm of its own side; None for
+            0.15, 0 for no such path.
+        trained_combination: of two arms, whether these weights are trained; None for False.
         critic_arch: units of each hidden layer of a critic.
         n_critics: number of critics of each stream.
         n_streams: number of reward streams.
@@ -149,9 +154,12 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         action_space: spaces.Space[Any],
         lr_schedule: Schedule,
         architecture: Architecture | None = None,
-        units: int = 10,
+        units: int | None = None,
         layers: int = 2,
         hidden_noise: float = 0.0,
+        n_arms: int | None = None,
+        ipsilateral_share: float | None = None,
+        trained_combination: bool | None = None,
         critic_arch: tuple[int, ...] = (64, 64),
         n_critics: int = 2,
         n_streams: int = 1,
@@ -161,13 +169,17 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         log_std_init: float = 0.0,
         **kwargs: Any,
     ) -> None:
-        check_commands(action_space)
-        self._network: dict[str, Any] = {
-            "architecture": architecture or type(self).architecture,
-            "units": whole("units", units),
-            "layers": whole("layers", layers),
-            "hidden_noise": finite("hidden_noise", hidden_noise, 0.0),
-        }
+        self._network = network_arguments(
+            observation_space,
+            action_space,
+            n_arms,
+            architecture=architecture or type(self).architecture,
+            units=units,
+            layers=layers,
+            hidden_noise=hidden_noise,
+            ipsilateral_share=ipsilateral_share,
+            trained_combination=trained_combination,
+        )
         self._log_std_init = finite("log_std_init", log_std_init)
         if not self.stochastic and self._log_std_init not in _STD_OF_SAVED:
             raise ValueError("log_std_init is not available for TD3, which explores by its action_noise.")
@@ -252,7 +264,8 @@ class BilateralOffPolicyPolicy(MotorPolicy):
         critics |= {"critic_activation_fn": data["activation_fn"]}
         # SB3's SACPolicy forgets the second.
         others = {"log_std_init": self._log_std_init, "share_features_extractor": self.share_features_extractor}
-        return {name: v for name, v in data.items() if name not in NOT_AVAILABLE} | self._network | critics | others
+        of_sb3 = {name: value for name, value in data.items() if name not in NOT_AVAILABLE}
+        return of_sb3 | self._shape_of_network() | critics | others
 
 
 class BilateralSACPolicy(BilateralOffPolicyPolicy, SACPolicy):  # type: ignore[misc] # an actor of our own

@@ -220,6 +220,7 @@ class Hemispheric(BaseAlgorithm):
             )
         self.action_traces = checked_decays(self.action_traces)  # a saved model has them in a list
         self._check_attributes()
+        self.policy_kwargs = _of_as_many_arms(self.policy_kwargs, self.env)
         if isinstance(self.action_space, spaces.Box):  # the policy refuses any other
             self._traces = ActionTraces(self.action_traces, get_action_dim(self.action_space))
         super()._setup_model()  # type: ignore[safe-super]
@@ -416,8 +417,10 @@ class Hemispheric(BaseAlgorithm):
                     self.logger.record(f"{name}/{stream}", value)
             else:
                 self.logger.record(name, average.item())
-        for side, weight in self.policy.motor_network.combination_weights().items():
-            self.logger.record(f"combination/{side}", weight)
+        network = self.policy.motor_network
+        for name, weight in network.combination_weights().items():
+            if network.trained_combination is not False:  # what is fixed is no news
+                self.logger.record(f"combination/{name}", weight)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
 
 
@@ -429,6 +432,24 @@ def _warn_of_no_penalty(loss: Loss, weight_penalty: float, weights: Sequence[flo
             f"penalty_weights={tuple(weights)}; leave it out, or give weights.",
             stacklevel=stacklevel,
         )
+
+
+def _of_as_many_arms(policy_kwargs: dict[str, Any], env: VecEnv | None) -> dict[str, Any]:
+    """Return arguments of a policy with the number of arms that the environment tells, if it tells of two.
+
+    Raises:
+        ValueError: another number is given.
+    """
+    told = env.get_attr("n_arms")[0] if env is not None and env.has_attr("n_arms") else None
+    given = policy_kwargs.get("n_arms")
+    if told not in (1, 2):  # it has no arms, or other ones
+        return policy_kwargs
+    if given is not None and given != told:
+        raise ValueError(
+            f"policy_kwargs say n_arms={given}, and the environment has {told}: leave n_arms out, or take the "
+            "environment of another task."
+        )
+    return policy_kwargs | ({"n_arms": told} if told > 1 else {})
 
 
 def _is_new(normalizer: VecNormalize | None) -> bool:

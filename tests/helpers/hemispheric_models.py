@@ -233,6 +233,29 @@ class RandomEnds(gymnasium.Env):
         return self.np_random.uniform(-1, 1, 5).astype(np.float32)
 
 
+class TwoArms(gymnasium.Env):
+    """Each half of the observation is to be met by its half of the action, at a reward for each hemisphere."""
+
+    n_arms = 2
+    observation_space = spaces.Box(-1.0, 1.0, (8,))
+    action_space = spaces.Box(-1.0, 1.0, (4,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self._steps = 0
+        return self._observe(), {}
+
+    def step(self, action):
+        error = np.abs(self._seen.reshape(2, 4)[:, :2].ravel() - action)
+        pair = np.array([-error.mean(), -np.square(error).mean()], dtype=np.float32)
+        self._steps += 1
+        return self._observe(), float(pair.mean()), False, self._steps == 7, {"vector_reward": pair}
+
+    def _observe(self):
+        self._seen = self.np_random.uniform(-1, 1, 8).astype(np.float32)
+        return self._seen
+
+
 class LearnedFeatures(BaseFeaturesExtractor):
     """A features extractor that has parameters and statistics of its own."""
 

@@ -50,6 +50,7 @@ SHOWS = {
     "units": 12,
     "layers": 3,
     "hidden_noise": 0.1,
+    "n_arms": 2,
     "critic_arch": (8,),
     "n_critics": 3,
     "n_streams": 2,
@@ -63,6 +64,8 @@ SHOWS = {
 }
 """Another value than the default of every argument."""
 SHOWS_BESIDE = {
+    "ipsilateral_share": (0.3, {"n_arms": 2}),
+    "trained_combination": (True, {"n_arms": 2}),
     "features_extractor_kwargs": ({"scale": 2.0}, LEARNED),
     "share_features_extractor": (None, LEARNED),  # the opposite of the default
     "normalize_images": (False, IMAGES),
@@ -96,7 +99,7 @@ def make_policy(kind, **arguments):
 
 
 def fingerprint(policy):
-    """What a policy is made of, does, and becomes by a step of each optimizer."""
+    """What a policy is made of, does, learns by, and becomes by a step of each optimizer."""
     obs = torch.linspace(0, 1, 3 * spaces.flatdim(policy.observation_space))
     obs = (100 * obs.reshape(3, *policy.observation_space.shape)).clip(0, 100)
     policy.set_training_mode(False)
@@ -113,7 +116,8 @@ def fingerprint(policy):
     for optimizer in optimizers:
         optimizer.step()
     tensors = {name: tensor.numpy().tobytes() for name, tensor in policy.state_dict().items()}
-    return actions.tobytes(), None if values is None else values.tolist(), tensors, repr(optimizers)
+    trained = [parameter.requires_grad for parameter in policy.parameters()]
+    return actions.tobytes(), None if values is None else values.tolist(), tensors, repr(optimizers), trained
 
 
 @kinds
@@ -166,9 +170,25 @@ def test_numbers_of_numpy_and_lists_are_taken_and_saved_as_pythons(kind, tmp_pat
 
 
 @kinds
+def test_spaces_of_two_arms_are_taken_for_them_only_where_somebody_says_so(kind, tmp_path):
+    spaces_ = {"observation_space": spaces.Box(-1.0, 1.0, (40,)), "action_space": spaces.Box(-1.0, 1.0, (12,))}
+    with pytest.raises(ValueError, match=r"40 observed numbers and 12 actions are those of two arms: .* n_arms=2 "):
+        make_policy(kind, **spaces_)
+    for n_arms, units in ((1, 10), (2, 20)):
+        policy = make_policy(kind, **spaces_, n_arms=n_arms)
+        assert (policy.motor_network.n_arms, policy.motor_network.units) == (n_arms, units)
+        policy.save(tmp_path / "policy.pth")
+        loaded = kind.load(tmp_path / "policy.pth", device="cpu")
+        assert loaded.motor_network.arguments == policy.motor_network.arguments
+        assert_same_weights(loaded, policy)
+
+
+@kinds
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        ({"n_arms": 3}, "n_arms must be 1 or 2, got 3"),
+        ({"ipsilateral_share": 0.1}, "ipsilateral_share is for networks that command two arms"),
         ({"units": 10.0}, r"units must be a whole number, got 10\.0"),
         ({"units": "10"}, "units must be a whole number, got '10'"),
         ({"hidden_noise": -0.1}, r"hidden_noise must be at least 0, got -0\.1"),

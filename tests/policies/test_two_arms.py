@@ -99,6 +99,18 @@ def test_without_an_ipsilateral_path_arms_are_moved_by_their_opposite_hemisphere
     assert gradient_names(callosal, side) == stack | layer | over_callosum
 
 
+@pytest.mark.parametrize("side", SIDES)
+def test_without_an_ipsilateral_path_a_hemisphere_is_a_network_of_its_arms_view(side):
+    network = make_network("bilateral", **TWO_ARMS, ipsilateral_share=0.0)
+    alone = make_network("unilateral", n_inputs=7, n_outputs=3, units=4)
+    with torch.no_grad():
+        for layer, own in zip(getattr(network, side), alone.hidden, strict=True):
+            layer.load_state_dict(own.state_dict())
+        getattr(network.output, side).load_state_dict(alone.output.state_dict())
+    view = OBSERVATION[:, :7] if side == "dominant" else OBSERVATION[:, 7:]
+    assert torch.equal(output(network)[:, ARMS[side]], output(alone, view))
+
+
 def test_with_a_path_output_layers_and_combinations_are_shared():
     for options in ({}, {"trained_combination": True}):
         network = make_network("callosal", **TWO_ARMS, **options)

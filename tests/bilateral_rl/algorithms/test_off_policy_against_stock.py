@@ -8,6 +8,7 @@ from hemispheric_models import (
     EqualStreams,
     LearnedFeatures,
     RandomEnds,
+    TwoArms,
     arm,
     assert_close_weights,
     make_model,
@@ -109,3 +110,9 @@ def test_one_stream_trains_to_the_stock_weights_where_trials_end_by_termination_
 def test_adams_moments_are_the_stock_ones(algorithm):
     adam = {"optimizer_class": torch.optim.Adam}
     assert_trainings_end_alike(algorithm, "CallosalPolicy", "combined", equal_streams, {"learning_rate": 3e-4}, adam)
+
+
+@pytest.mark.parametrize("algorithm", [HemisphericSAC, HemisphericTD3])
+def test_one_stream_trains_to_the_stock_weights_on_two_arms(algorithm):
+    arms = {"n_arms": 2, "units": 8, "trained_combination": True}
+    assert_trainings_end_alike(algorithm, "CallosalPolicy", "combined", lambda: DummyVecEnv([TwoArms] * 4), {}, arms)
