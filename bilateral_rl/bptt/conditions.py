@@ -19,17 +19,19 @@ class Conditions:
         forces: whether there are forces on the hand beside a load.
         settings: how trials run: delays, losses, bounds of observations.
         hidden_noise: standard deviation of the noise on the activity of hidden units.
+        n_arms: arms of a trial.
     """
 
     timeline: bool = False
     forces: bool = False
     settings: TrialSettings = field(default_factory=TrialSettings)
     hidden_noise: float = 0.0
+    n_arms: int = 1
 
     @classmethod
     def of(cls, task: Task, settings: TrialSettings, hidden_noise: float) -> Conditions:
         """Return the conditions of trials of ``task``."""
-        return cls(task.has_timeline, task.has_forces, settings, hidden_noise)
+        return cls(task.has_timeline, task.has_forces, settings, hidden_noise, task.n_arms)
 
     @property
     def losses(self) -> LossSettings:
@@ -45,6 +47,8 @@ class Conditions:
             further_losses=not self.losses.is_of_the_paper,
             senses=self.settings.noisy or any(self.settings.delays),
             hidden_noise=self.hidden_noise > 0,
+            arms=self.n_arms,
+            distance_spring=self.n_arms > 1 and self.settings.two_arms.spring.kind == "distance",
         )
 
     @property
@@ -54,7 +58,7 @@ class Conditions:
 
     @property
     def observation_bounds(self) -> tuple[list[float], list[float]]:
-        """The lowest and the highest observation, (16,) each: what is sensed with noise is kept within."""
+        """The lowest and the highest of what an arm senses, which comes first in its view: noise is kept within."""
         low, high = self.settings.observation_bounds()
         return low.tolist(), high.tolist()
 

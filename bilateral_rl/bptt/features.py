@@ -18,6 +18,10 @@ class Features(NamedTuple):
     """Noise of senses and muscles, and delays."""
     hidden_noise: bool = False
     """Noise on the activity of hidden units."""
+    arms: int = 1
+    """Arms of a trial; two are tied by a spring, maybe one of no stiffness."""
+    distance_spring: bool = False
+    """A spring that holds the distance of the hands alone, instead of the vector between them."""
 
 
 PLAIN = Features()

@@ -30,6 +30,8 @@ class Variable:
     """Index of its first number in the row."""
     shape: tuple[int, ...]
     """Its shape in the row; a kernel is (inputs, units), the transpose of torch's."""
+    fixed: bool = False
+    """Whether it stays as it is: no loss moves it, and no penalty is taken of it."""
 
     @property
     def size(self) -> int:
@@ -43,7 +45,7 @@ class Variable:
 
 
 class Layout:
-    """The flat row of a network: layer by layer, side by side, each kernel followed by its bias.
+    """The flat row of a network: layer by layer, side by side or arm by arm, each kernel followed by its bias.
 
     That order makes every kernel with its bias one matrix, and all of a kind one array: what the Warp kernels read as
     ``Weights``, and where ``Rollout.backward`` writes gradients, are views of rows.
@@ -54,10 +56,11 @@ class Layout:
     Attributes:
         shape: the network's shape.
         variables: in the order of the row; each is clipped by itself.
-        regions: offset and shape of each part of a row that is used as one array: ``first`` (sides, n_inputs + 1,
-            width), ``hidden`` ((layers - 1) · sides, width + 1, width), ``combination`` (2,) or (0,), ``output``
-            (width + 1, n_outputs), with ``shape.width`` units; a layer's last row is its bias.
+        regions: offset and shape of each part of a row that is used as one array: ``first`` (sides, n_seen + 1,
+            width), ``hidden`` ((layers - 1) · sides, width + 1, width), ``combination`` (2, arms) or (0, arms),
+            ``output`` (arms, width + 1, n_muscles), with ``shape.width`` units; a layer's last row is its bias.
         width: numbers in a row, the last few unused.
+        free: (width,) bool, which of them are of variables that are not fixed.
 
     Raises:
         ValueError: the network has a parameter that the row has no place for.
@@ -65,17 +68,22 @@ class Layout:
 
     def __init__(self, network: MotorNetwork) -> None:
         self.shape = NetworkShape.of(network)
-        shapes = {name: tuple(reversed(parameter.shape)) for name, parameter in network.named_parameters()}
+        parameters = dict(network.named_parameters())
         self.variables: list[Variable] = []
         offset = 0
         for name in self._names():
-            variable = Variable(name, network.group_of(name), offset, shapes.pop(name))
+            parameter = parameters.pop(name)
+            shape, fixed = tuple(reversed(parameter.shape)), not parameter.requires_grad
+            variable = Variable(name, network.group_of(name), offset, shape, fixed)
             self.variables.append(variable)
             offset += variable.size
-        if shapes:
-            raise ValueError(f"parameters without a place: {', '.join(shapes)}.")
+        if parameters:
+            raise ValueError(f"parameters without a place: {', '.join(parameters)}.")
         self.width = math.ceil(offset / _ALIGNMENT) * _ALIGNMENT
         self.regions = self._regions()
+        self.free = torch.zeros(self.width, dtype=torch.bool)
+        for v in self.variables:
+            self.free[v.offset : v.offset + v.size] = not v.fixed
 
     def region(self, rows: Tensor, name: str) -> Tensor:
         """Return a view (…, *shape) of one of ``regions`` in every row of ``rows`` (…, width)."""
@@ -103,15 +111,16 @@ class Layout:
         stacks = ("hidden",) if self.shape.sides == 1 else SIDES
         hidden = [f"{s}.{k}.{part}" for k in range(self.shape.layers) for s in stacks for part in ("weight", "bias")]
         combination = [f"combination_{side}" for side in SIDES] if self.shape.sides == 2 else []
-        return [*hidden, *combination, "output.weight", "output.bias"]
+        layers = ("output",) if self.shape.arms == 1 else [f"output.{arm}" for arm in SIDES]
+        return [*hidden, *combination, *(f"{layer}.{part}" for layer in layers for part in ("weight", "bias"))]
 
     def _regions(self) -> dict[str, tuple[int, tuple[int, ...]]]:
-        n_inputs, n_outputs, width, layers, sides, _ = self.shape
+        _, _, width, layers, sides, _, arms = self.shape
         shapes: dict[str, tuple[int, ...]] = {
-            "first": (sides, n_inputs + 1, width),
+            "first": (sides, self.shape.n_seen + 1, width),
             "hidden": ((layers - 1) * sides, width + 1, width),
-            "combination": (2 if sides == 2 else 0,),
-            "output": (width + 1, n_outputs),
+            "combination": (2 if sides == 2 else 0, arms),
+            "output": (arms, width + 1, self.shape.n_muscles),
         }
         ends = itertools.accumulate(math.prod(shape) for shape in shapes.values())
         return {name: (end - math.prod(shape), shape) for (name, shape), end in zip(shapes.items(), ends, strict=True)}

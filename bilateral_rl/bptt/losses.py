@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -81,13 +83,14 @@ class StreamLosses:
 
     def gradient(self, rollout: Rollout) -> Tensor:
         """Return their gradients (streams, S, width), but for those of ``weight_decay``, which the optimizer adds."""
-        samples = rollout.size.n_trials * rollout.size.n_steps
+        samples = math.prod(rollout.terms.shape[1:3])  # steps of every hand
         return rollout.backward(self.term_weights.to(rollout.weights) / samples, self._penalty_gradients(rollout))
 
     def _penalty(self, rollout: Rollout, group: slice) -> Tensor:
         """Return the penalty of each network of ``group`` (g,) float64, not yet weighted by stream."""
         if self.penalty == "weights":
-            return self.coefficient * 0.5 * rollout.weights[group].square().sum(1, dtype=torch.float64)
+            free = rollout.weights[group].where(self._layout.free.to(rollout.device), 0.0)
+            return self.coefficient * 0.5 * free.square().sum(1, dtype=torch.float64)
         sizes = [_size_and_rate(x, self._arm.timestep) for x in self._penalized(rollout, group)]
         return self.coefficient * torch.stack([size + _RATE_WEIGHT * rate for size, rate in sizes]).sum(0)
 

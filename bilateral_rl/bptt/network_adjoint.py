@@ -15,8 +15,10 @@ from bilateral_rl.bptt.network_kernels import CALLOSUM, INPUT_DOMINANT, OUTPUT_D
 @functools.cache
 def network_adjoint(real: Any, shape: NetworkShape, noisy: bool) -> Any:
     """Return the Warp function ``excite_adjoint`` of the networks of ``network_forward``."""
-    vec_in, _, vec_out, vec_side, _, both, Weights, Activity, Deltas = network_types(real, shape)
-    n_inputs, n_outputs, width, layers, sides, callosal = shape
+    vec_in, _, vec_out, vec_arm, vec_side, _, both, Weights, Activity, Deltas = network_types(real, shape)
+    _, _, width, layers, sides, callosal, arms = shape
+    n_seen, n_muscles = shape.n_seen, shape.n_muscles
+    apart = shape.seen_by(1).start  # from the first input of one side to the first of the other
     pooled = width // 2  # numbers that a side sends over the callosum
     kept = width - pooled  # units of a side that receive nothing
 
@@ -54,25 +56,27 @@ def network_adjoint(real: Any, shape: NetworkShape, noisy: bool) -> Any:
         Layer by layer, from the last to the first, and gate by gate: a delta is the gradient with respect to what goes
         into a nonlinearity, that of what comes out of it times its slope, x (1 − x) for the logistic, 1 − h² for tanh.
         """
-        # Output layer and combination.
-        delta_out = vec_out()
-        for i in range(n_outputs):
-            delta_out[i] = gradient[i] * excitation[i] * (real(1.0) - excitation[i])
-        d.output[k, stream] = delta_out
-        d_combined = vec_side()
-        for i in range(width):
-            d_combined[i] = wp.dot(w.output[s, i], delta_out)
+        # Output layers and combination.
         d_h = both()
-        for side in range(sides):
-            if sides == 2:
-                open = w.gates[s, OUTPUT_DOMINANT + side]
-                last = a.hidden[k, (layers - 1) * sides + side]
-                d.combination[stream, trial, side] = d.combination[stream, trial, side] + open * wp.dot(
-                    d_combined, last
-                )
-                d_h[side] = open * w.combination[s, side] * d_combined
-            else:
-                d_h[side] = d_combined
+        for arm in range(arms):
+            delta_out = vec_arm()
+            for i in range(n_muscles):
+                command = excitation[arm * n_muscles + i]
+                delta_out[i] = gradient[arm * n_muscles + i] * command * (real(1.0) - command)
+            d.output[k, stream, arm] = delta_out
+            d_combined = vec_side()
+            for i in range(width):
+                d_combined[i] = wp.dot(w.output[s, arm, i], delta_out)
+            for side in range(sides):
+                if sides == 2:
+                    open = w.gates[s, OUTPUT_DOMINANT + side]
+                    last = a.hidden[k, (layers - 1) * sides + side]
+                    d.combination[stream, trial, side, arm] = d.combination[stream, trial, side, arm] + open * wp.dot(
+                        d_combined, last
+                    )
+                    d_h[side] = d_h[side] + open * w.combination[s, side, arm] * d_combined
+                else:
+                    d_h[side] = d_combined
         # Hidden layers; ``d_h`` is with respect to the activity of the layer at hand, both sides'.
         d_observation = vec_in()
         for back in range(layers):
@@ -95,8 +99,8 @@ def network_adjoint(real: Any, shape: NetworkShape, noisy: bool) -> Any:
                         d_received[side, i] = wp.dot(w.hidden[s, row - sides, i], delta)
                 else:
                     open_in = w.gates[s, INPUT_DOMINANT + side]
-                    for i in range(n_inputs):
-                        d_observation[i] += open_in * wp.dot(w.first[s, side, i], delta)
+                    for i in range(n_seen):
+                        d_observation[side * apart + i] += open_in * wp.dot(w.first[s, side, i], delta)
             # Back over the callosum, whose pooling depends on what the layer before had sent.
             if layer > 0:
                 d_h = d_received

@@ -31,6 +31,8 @@ class NetworkShape(NamedTuple):
     layers: int
     sides: int
     callosal: bool
+    arms: int = 1
+    """Output layers: 2 where both sides command two arms; then each side sees the view of its contralateral arm."""
 
     @classmethod
     def of(cls, network: MotorNetwork) -> "NetworkShape":
@@ -43,7 +45,23 @@ class NetworkShape(NamedTuple):
             layers=network.layers,
             sides=sides,
             callosal=network.architecture == "callosal",
+            arms=network.n_arms if sides == 2 else 1,
         )
+
+    @property
+    def n_seen(self) -> int:
+        """Number of inputs of a side."""
+        return self.n_inputs // self.arms
+
+    @property
+    def n_muscles(self) -> int:
+        """Number of outputs of an output layer."""
+        return self.n_outputs // self.arms
+
+    def seen_by(self, side: int) -> slice:
+        """Return which of the inputs a side sees."""
+        first = side * self.n_seen if self.arms > 1 else 0
+        return slice(first, first + self.n_seen)
 
 
 class NetworkTypes(NamedTuple):
@@ -54,7 +72,9 @@ class NetworkTypes(NamedTuple):
     vec_in_one: Any
     """(n_inputs + 1,): an observation followed by a one."""
     vec_out: Any
-    """(n_outputs,): an excitation."""
+    """(n_outputs,): an excitation, of every arm."""
+    vec_arm: Any
+    """(n_muscles,): what an output layer puts out."""
     vec_side: Any
     """(width,): activity of a layer of one side."""
     vec_side_one: Any
@@ -80,6 +100,7 @@ def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
     vec_in = wp.types.vector(shape.n_inputs, real)
     vec_in_one = wp.types.vector(shape.n_inputs + 1, real)
     vec_out = wp.types.vector(shape.n_outputs, real)
+    vec_arm = wp.types.vector(shape.n_muscles, real)
     vec_side = wp.types.vector(shape.width, real)
     vec_side_one = wp.types.vector(shape.width + 1, real)
     both = wp.types.matrix((shape.sides, shape.width), real)
@@ -88,10 +109,10 @@ def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
     class Weights:
         """Parameters of ``S`` stacked networks."""
 
-        first: wp.array3d(dtype=vec_side)  # (S, sides, n_inputs + 1)
+        first: wp.array3d(dtype=vec_side)  # (S, sides, n_seen + 1)
         hidden: wp.array3d(dtype=vec_side)  # (S, (layers - 1) * sides, width + 1)
-        combination: wp.array2d(dtype=real)  # (S, 2), or (S, 0) of one side
-        output: wp.array2d(dtype=vec_out)  # (S, width + 1)
+        combination: wp.array3d(dtype=real)  # (S, 2, arms), or (S, 0, arms) of one side
+        output: wp.array3d(dtype=vec_arm)  # (S, arms, width + 1)
         gates: wp.array2d(dtype=real)  # (S, N_GATES)
 
     @wp.struct
@@ -101,7 +122,7 @@ def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
         observation: wp.array(dtype=vec_in_one)  # (n,)
         received: wp.array2d(dtype=vec_side_one)  # (n, (layers - 1) * sides), after the exchange over the callosum
         hidden: wp.array2d(dtype=vec_side)  # (n, layers * sides), before it
-        combined: wp.array(dtype=vec_side_one)  # (n,)
+        combined: wp.array2d(dtype=vec_side_one)  # (n, arms)
         noise: wp.array2d(dtype=vec_side)  # (n, layers * sides), already scaled, part of ``hidden``; empty if none
 
     @wp.struct
@@ -109,18 +130,21 @@ def network_types(real: Any, shape: NetworkShape) -> NetworkTypes:
         """Gradients of the streams' losses with respect to what each layer puts into its nonlinearity."""
 
         hidden: wp.array3d(dtype=vec_side)  # (n, streams, layers * sides)
-        output: wp.array2d(dtype=vec_out)  # (n, streams)
-        combination: wp.array3d(dtype=real)  # (streams, trials, 2), with respect to the weights, summed over steps
+        output: wp.array3d(dtype=vec_arm)  # (n, streams, arms)
+        combination: wp.array4d(dtype=real)  # (streams, trials, 2, arms), by the weights, summed over steps
         activity: wp.array3d(dtype=vec_side)  # (streams, n, layers * sides) of a loss on hidden activity, or empty
 
-    return NetworkTypes(vec_in, vec_in_one, vec_out, vec_side, vec_side_one, both, Weights, Activity, Deltas)
+    vectors = (vec_in, vec_in_one, vec_out, vec_arm, vec_side, vec_side_one)
+    return NetworkTypes(*vectors, both, Weights, Activity, Deltas)
 
 
 @functools.cache
 def network_forward(real: Any, shape: NetworkShape, noisy: bool) -> Any:
     """Return the Warp function ``excite`` of networks of ``shape``, maybe with noisy units, in precision ``real``."""
-    vec_in, vec_in_one, vec_out, vec_side, vec_side_one, both, Weights, Activity, _ = network_types(real, shape)
-    n_inputs, n_outputs, width, layers, sides, callosal = shape
+    vec_in, vec_in_one, vec_out, _, vec_side, vec_side_one, both, Weights, Activity, _ = network_types(real, shape)
+    n_inputs, _, width, layers, sides, callosal, arms = shape
+    n_seen, n_muscles = shape.n_seen, shape.n_muscles
+    apart = shape.seen_by(1).start  # from the first input of one side to the first of the other
     pooled = width // 2  # numbers that a side sends
     kept = width - pooled  # units of a side that receive nothing
 
@@ -165,13 +189,13 @@ def network_forward(real: Any, shape: NetworkShape, noisy: bool) -> Any:
             remembered[i] = observation[i]
         remembered[n_inputs] = real(1.0)
         a.observation[k] = remembered
-        # First layer: both sides see the observation; a closed input gate lets their bias through, and nothing else.
+        # First layer: a side sees what is its own; a closed input gate lets its bias through, and nothing else.
         h = both()
         for side in range(sides):
             drive_in = vec_side()
-            for i in range(n_inputs):
-                drive_in += observation[i] * w.first[s, side, i]
-            active = tanh(w.gates[s, INPUT_DOMINANT + side] * drive_in + w.first[s, side, n_inputs])
+            for i in range(n_seen):
+                drive_in += observation[side * apart + i] * w.first[s, side, i]
+            active = tanh(w.gates[s, INPUT_DOMINANT + side] * drive_in + w.first[s, side, n_seen])
             if noisy:
                 active = active + a.noise[k, side]
             h[side] = active
@@ -192,20 +216,21 @@ def network_forward(real: Any, shape: NetworkShape, noisy: bool) -> Any:
                     active = active + a.noise[k, layer * sides + side]
                 h[side] = active
                 a.hidden[k, layer * sides + side] = active
-        # Output: the sides are added by their combination weights, so that both have one output layer.
-        combined = h[0]
-        if sides == 2:
-            combined = (
-                w.gates[s, OUTPUT_DOMINANT] * w.combination[s, 0] * h[0]
-                + w.gates[s, OUTPUT_NON_DOMINANT] * w.combination[s, 1] * h[sides - 1]
-            )
-        a.combined[k] = followed_by_one(combined)
-        drive_out = w.output[s, width]
-        for i in range(width):
-            drive_out += combined[i] * w.output[s, i]
+        # Output: the sides are added by their combination weights, so that both share an arm's output layer.
         excitation = vec_out()
-        for i in range(n_outputs):
-            excitation[i] = real(1.0) / (real(1.0) + wp.exp(-drive_out[i]))
+        for arm in range(arms):
+            combined = h[0]
+            if sides == 2:
+                combined = (
+                    w.gates[s, OUTPUT_DOMINANT] * w.combination[s, 0, arm] * h[0]
+                    + w.gates[s, OUTPUT_NON_DOMINANT] * w.combination[s, 1, arm] * h[sides - 1]
+                )
+            a.combined[k, arm] = followed_by_one(combined)
+            drive_out = w.output[s, arm, width]
+            for i in range(width):
+                drive_out += combined[i] * w.output[s, arm, i]
+            for i in range(n_muscles):
+                excitation[arm * n_muscles + i] = real(1.0) / (real(1.0) + wp.exp(-drive_out[i]))
         return excitation
 
     return excite

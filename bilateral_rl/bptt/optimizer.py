@@ -76,12 +76,12 @@ class StackedAdam:
         self.norms = rollout.weights.new_zeros(rollout.size.n_networks, len(variables))
         shares = group_shares(loss)
         self._shares = rollout.weights.new_tensor(
-            [[shares[v.group][stream] for v in variables] for stream in range(losses.n_streams)]
+            [[0.0 if v.fixed else shares[v.group][stream] for v in variables] for stream in range(losses.n_streams)]
         )
         self._decay = rollout.weights.new_tensor(losses.weight_decay)
         self._offsets = self._integers([0, *(v.offset + v.size for v in variables)])
         self._non_negative = self._integers([v.non_negative for v in variables])
-        self._trained = self._integers([trained is None or v.name in trained for v in variables])
+        self._trained = self._integers([not v.fixed and (trained is None or v.name in trained) for v in variables])
         self._moves = self._trained.repeat(len(self.norms), 1)
         self._still = torch.zeros(rollout.weights.shape, dtype=torch.int32, device=rollout.device)
         if still is not None:

@@ -45,7 +45,10 @@ class TrajectoryGradients(NamedTuple):
 
 
 class Rollout:
-    """``S`` networks, each moving ``B`` arms through a trial of ``T`` steps, and back-propagation through it.
+    """``S`` networks, each moving arms through ``B`` trials of ``T`` steps, and back-propagation through it.
+
+    What an arm does has a row for each of ``H = B · arms`` hands, in the arm's own frame: arm ``a`` of trial ``i`` is
+    row ``i * arms + a``. With one arm, as in the paper, H is B.
 
     What belongs to one network depends on nothing of the others, to the last bit on a CPU, nor on how many threads
     share the work.
@@ -63,14 +66,14 @@ class Rollout:
         conditions: what trials, losses and senses ask for.
         weights: (S, width), the networks' parameters; write into it.
         trials: what the next :meth:`forward` does, (S, B, …) each; :meth:`load` fills it.
-        noise: (S, B, T, 20), of what is sensed before a step and of the commands in it; write into it.
+        noise: (S, H, T, 20), of what is sensed before a step and of the commands in it; write into it.
         hidden_noise: (S, B, T, layers · sides, width), of the activity of hidden units; write into it. Both have no
             trials (S, 0, …) where the conditions have none.
-        joint: (S, B, T, 4), after each step, as in :class:`~bilateral_rl.envs.arm.ArmState`.
-        muscle: (S, B, T, 7, 6), likewise.
-        hand: (S, B, T, 2), likewise (m).
-        excitation: (S, B, T, 6), the command of each step.
-        terms: (S, B, T, 3): Cartesian 1, Cartesian 2 and activation of each step; (S, B, T, 6) with ``FURTHER_TERMS``
+        joint: (S, H, T, 4), after each step, as in :class:`~bilateral_rl.envs.arm.ArmState`.
+        muscle: (S, H, T, 7, 6), likewise.
+        hand: (S, H, T, 2), likewise (m).
+        excitation: (S, H, T, 6), the command of each step.
+        terms: (S, H, T, 3): Cartesian 1, Cartesian 2 and activation of each step; (S, H, T, 6) with ``FURTHER_TERMS``
             where any loss looks at those.
         hidden: (S, B, T, layers · sides, width): activity of each hidden layer, with its noise.
         observation: (S, B, T, n_inputs): what the networks saw before each step.
@@ -97,7 +100,8 @@ class Rollout:
         self.noise, self.hidden_noise = arrays.noise, arrays.hidden_noise
         self.joint, self.muscle, self.hand, self.hidden = arrays.joint, arrays.muscle, arrays.hand, arrays.hidden
         self.excitation, self.terms = arrays.excitation, arrays.terms
-        self.observation = arrays.observation.view(*arrays.terms.shape[:3], -1)[..., : layout.shape.n_inputs]
+        of_steps = size.n_networks, size.n_trials, size.n_steps
+        self.observation = arrays.observation.view(*of_steps, -1)[..., : layout.shape.n_inputs]
         self._forward = self._record(kernels.roll, parameters, arrays.forward_structs)
         self._backward = []
         if size.n_streams:
@@ -113,8 +117,9 @@ class Rollout:
         loaded, drawn = self.trials.tensors(), trials.tensors()
         if loaded.keys() != drawn.keys():
             raise ValueError(f"the rollout takes trials with {', '.join(loaded)}, got {', '.join(drawn)}.")
+        parts = trials.part(first, self.size.n_trials).tensors()
         for name, tensor in loaded.items():
-            part = drawn[name][:, first : first + self.size.n_trials]
+            part = parts[name]
             if part.shape != tensor.shape:  # a single trial would be done by all arms
                 raise ValueError(f"the rollout takes trials of shape {tuple(tensor.shape)}, got {tuple(part.shape)}.")
             tensor.copy_(part)
@@ -141,10 +146,13 @@ class Rollout:
             Contributions (B, T, n_outputs) in the last :meth:`forward`.
         """
         open_gates = self._arrays.gates[network, [OUTPUT_DOMINANT, OUTPUT_NON_DOMINANT]]
-        weights = open_gates * self.layout.region(self.weights[network], "combination")  # (2,)
-        output = self.layout.region(self.weights[network], "output")[:-1]  # (width, n_outputs), without the bias
-        dominant, non_dominant = self.hidden[network, :, :, -2:].unbind(2)  # (B, T, width) each
-        return weights[0] * dominant @ output, weights[1] * non_dominant @ output
+        weights = open_gates[:, None] * self.layout.region(self.weights[network], "combination")  # (2, arms)
+        outputs = self.layout.region(self.weights[network], "output")[:, :-1]  # (arms, width, n_muscles), no bias
+        by_side = [
+            torch.cat([weight * side @ output for weight, output in zip(of_side, outputs, strict=True)], dim=-1)
+            for of_side, side in zip(weights, self.hidden[network, :, :, -2:].unbind(2), strict=True)  # (B, T, width)
+        ]
+        return by_side[0], by_side[1]
 
     def backward(self, term_weights: Tensor, upstream: TrajectoryGradients | None = None) -> Tensor:
         """Return gradients of losses of the last :meth:`forward` with respect to the weights.
@@ -232,10 +240,12 @@ class Rollout:
             by_hidden = (a.received[group].flatten(2).mT @ deltas).view(
                 g, n_received, shape.width + 1, streams, n_hidden, shape.width
             )
-            by_output = (a.combined[group].mT @ a.delta_output[group].flatten(2)).view(g, -1, streams, shape.n_outputs)
             rows = self.gradient[:, group]  # (K, g, width of a row)
             first, hidden = layout.region(rows, "first"), layout.region(rows, "hidden")
-            first.copy_(by_first[:, :, :, : shape.sides].permute(2, 0, 3, 1, 4))
+            for side in range(shape.sides):
+                of_side = by_first[:, :, :, side].permute(2, 0, 1, 3)  # (K, g, n_inputs + 1, width)
+                first[:, :, side, :-1] = of_side[:, :, shape.seen_by(side)]
+                first[:, :, side, -1] = of_side[:, :, -1]
             # A closed input gate lets through the bias, but no observation.
             first[..., :-1, :] *= a.gates[group, INPUT_DOMINANT : INPUT_DOMINANT + shape.sides, None, None]
             for index in range(n_received):
@@ -243,4 +253,8 @@ class Rollout:
                 hidden[:, :, index] = by_hidden[:, index, :, :, index + shape.sides].permute(2, 0, 1, 3)
             if shape.sides == 2:
                 layout.region(rows, "combination").copy_(a.combination_gradient[:, group].sum(2))
-            layout.region(rows, "output").copy_(by_output.permute(2, 0, 1, 3))
+            output = layout.region(rows, "output")
+            for arm in range(shape.arms):
+                deltas = a.delta_output[group][:, :, :, arm].flatten(2)
+                by_output = (a.combined[group][:, :, arm].mT @ deltas).view(g, -1, streams, shape.n_muscles)
+                output[:, :, arm] = by_output.permute(2, 0, 1, 3)

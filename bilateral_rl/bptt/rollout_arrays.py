@@ -40,7 +40,8 @@ class RolloutSize:
 class RolloutArrays:
     """Everything that the kernels of a rollout read and write.
 
-    Below, S, B, T are the rollout's size, K its streams and L = layers · sides the network's hidden layers.
+    Below, S, B, T are the rollout's size, H = B · arms its hands, K its streams and L = layers · sides the network's
+    hidden layers.
 
     Args:
         layout: layout of the networks' parameters.
@@ -67,6 +68,7 @@ class RolloutArrays:
         self._dtype, self._device, self._conditions = dtype, device, conditions
         self._delays = tuple(min(delay, size.n_steps) for delay in conditions.delays)  # longer: the start is sensed
         self._n_terms = n_terms(conditions.features.further_losses)
+        self._n_hands = size.n_trials * conditions.n_arms
         self._allocate_forward(layout, size)
         self._allocate_backward(layout, size)
         self.forward_structs = self._forward_structs(layout, kernels)
@@ -74,30 +76,30 @@ class RolloutArrays:
 
     def _allocate_forward(self, layout: Layout, size: RolloutSize) -> None:
         shape = layout.shape
-        s, b, t = size.n_networks, size.n_trials, size.n_steps
+        s, b, h, t = size.n_networks, size.n_trials, self._n_hands, size.n_steps
         self.weights = self._zeros(s, layout.width)
         self.gates = self._zeros(s, N_GATES) + 1.0
         n_hidden = shape.layers * shape.sides
         features = self._conditions.features
         self.trials = TrialTensors.zeros((s, b), features, self._dtype, self._device)
-        self.noise = self._zeros(s, b if features.senses else 0, t, N_NOISE)
+        self.noise = self._zeros(s, h if features.senses else 0, t, N_NOISE)
         self.hidden_noise = self._zeros(s, b if features.hidden_noise else 0, t, n_hidden, shape.width)
-        self.joint = self._zeros(s, b, t, 4)
-        self.muscle = self._zeros(s, b, t, N_MUSCLE_ROWS, N_MUSCLES)
-        self.hand = self._zeros(s, b, t, 2)
-        self.excitation = self._zeros(s, b, t, shape.n_outputs)
-        self.terms = self._zeros(s, b, t, self._n_terms)
+        self.joint = self._zeros(s, h, t, 4)
+        self.muscle = self._zeros(s, h, t, N_MUSCLE_ROWS, N_MUSCLES)
+        self.hand = self._zeros(s, h, t, 2)
+        self.excitation = self._zeros(s, h, t, N_MUSCLES)
+        self.terms = self._zeros(s, h, t, self._n_terms)
         self.hidden = self._zeros(s, b, t, n_hidden, shape.width)
         # What layers receive, each with a one behind it, by which the bias is a row of the weights like any other.
         self.observation = self._zeros(s, b * t, shape.n_inputs + 1)
         self.received = self._zeros(s, b * t, (shape.layers - 1) * shape.sides, shape.width + 1)
-        self.combined = self._zeros(s, b * t, shape.width + 1)
+        self.combined = self._zeros(s, b * t, shape.arms, shape.width + 1)
 
     def _allocate_backward(self, layout: Layout, size: RolloutSize) -> None:
         shape = layout.shape
-        s, b, t, k = size.n_networks, size.n_trials, size.n_steps, size.n_streams
+        s, b, h, t, k = size.n_networks, size.n_trials, self._n_hands, size.n_steps, size.n_streams
         n_hidden = shape.layers * shape.sides
-        n_state = s * b * t if size.watches_state else 0
+        n_state = s * h * t if size.watches_state else 0
         n_activity = s * b * t if size.watches_activity else 0
         self.upstream_terms = self._zeros(k, self._n_terms)
         self.upstream_joint = self._zeros(k, n_state, 4)
@@ -105,26 +107,27 @@ class RolloutArrays:
         self.upstream_hand = self._zeros(k, n_state, 2)
         self.upstream_hidden = self._zeros(k, n_activity, n_hidden, shape.width)
         self.delta_hidden = self._zeros(s, b * t, k, n_hidden, shape.width)
-        self.delta_output = self._zeros(s, b * t, k, shape.n_outputs)
-        self.combination_gradient = self._zeros(k, s, b, 2)
+        self.delta_output = self._zeros(s, b * t, k, shape.arms, shape.n_muscles)
+        self.combination_gradient = self._zeros(k, s, b, 2, self._conditions.n_arms)
         self.gradient = self._zeros(k, s, layout.width)
-        self._carried_joint = self._zeros(k, s * b, 4)
-        self._carried_muscle = self._zeros(k, s * b, N_MUSCLE_ROWS, N_MUSCLES)
-        self._carried_hand = self._zeros(k, s * b, 4)
         features = self._conditions.features
-        self._carried_excitation = self._zeros(k, s * b if features.further_losses else 0, N_MUSCLES)
         felt, seen = ((delay + 1 if features.senses else 0) for delay in self._delays)
-        self._carried_felt = self._zeros(k, s * b, felt, 2 * N_MUSCLES)
-        self._carried_seen = self._zeros(k, s * b, seen, 2)
+        self._carried = {
+            "joint": self._zeros(k, s * h, 4),
+            "muscle": self._zeros(k, s * h, N_MUSCLE_ROWS, N_MUSCLES),
+            "hand": self._zeros(k, s * h, 4),
+            "excitation": self._zeros(k, s * h if features.further_losses else 0, N_MUSCLES),
+            "command": self._zeros(k, s * h, N_MUSCLES),
+            "pull": self._zeros(k, s * h if features.arms > 1 else 0, 4),
+            "felt": self._zeros(k, s * h, felt, 2 * N_MUSCLES),
+            "seen": self._zeros(k, s * h, seen, 2),
+        }
 
     def _forward_structs(self, layout: Layout, kernels: RolloutKernels) -> list[Any]:
         regions = {name: layout.region(self.weights, name) for name in layout.regions}
         return [
             _fill(kernels.network.Weights, **regions, gates=self.gates),
-            _fill(
-                kernels.structs.Trials,
-                **{name: tensor.flatten(0, 1) for name, tensor in self.trials.tensors().items()},
-            ),
+            self._trials(kernels),
             self._senses(kernels),
             _fill(
                 kernels.network.Activity,
@@ -160,16 +163,14 @@ class RolloutArrays:
                 combination=self.combination_gradient.flatten(1, 2),
                 activity=self.upstream_hidden,
             ),
-            _fill(
-                kernels.structs.CarriedGradients,
-                joint=self._carried_joint,
-                muscle=self._carried_muscle,
-                hand=self._carried_hand,
-                excitation=self._carried_excitation,
-                felt=self._carried_felt,
-                seen=self._carried_seen,
-            ),
+            _fill(kernels.structs.CarriedGradients, **self._carried),
         ]
+
+    def _trials(self, kernels: RolloutKernels) -> Any:
+        tensors = {name: tensor.flatten(0, 1) for name, tensor in self.trials.tensors().items()}
+        trials = _fill(kernels.structs.Trials, **tensors)
+        trials.shoulder_distance = self._conditions.settings.two_arms.shoulder_distance
+        return trials
 
     def _senses(self, kernels: RolloutKernels) -> Any:
         senses = _fill(kernels.structs.Senses, noise=self.noise.flatten(0, 2))

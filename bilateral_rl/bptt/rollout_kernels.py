@@ -1,4 +1,7 @@
-"""One thread a trial: arm and network in a closed loop over the steps, and its adjoint."""
+"""One thread a trial: its arms and the network in a closed loop over the steps, and its adjoint.
+
+The arms of a trial go side by side through one thread, as the hands' forces on each other are those of one moment.
+"""
 
 import functools
 from typing import Any, NamedTuple
@@ -8,11 +11,13 @@ import warp as wp
 from bilateral_rl.bptt.features import Features
 from bilateral_rl.bptt.network_adjoint import network_adjoint
 from bilateral_rl.bptt.network_kernels import NetworkShape, NetworkTypes, network_forward, network_types
-from bilateral_rl.bptt.rollout_structs import HAND, RolloutStructs, rollout_structs
+from bilateral_rl.bptt.rollout_structs import HAND, N_SENSED, RolloutStructs, View, rollout_structs
+from bilateral_rl.bptt.sense_kernels import sense_functions
+from bilateral_rl.bptt.spring_kernels import spring_functions
 from bilateral_rl.bptt.step_kernels import step_functions
 from bilateral_rl.envs.arm.adjoint import arm_adjoint
 from bilateral_rl.envs.arm.hand_force import hand_force
-from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, resting_muscles
+from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, proprioception, resting_muscles
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, LENGTH, VELOCITY, arm_types, next_joint
 from bilateral_rl.envs.arm.physics import hand as hand_state
@@ -39,19 +44,31 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
     _, vec2, vec4, vec6, rows, Parameters = arm_types(real)
     network = network_types(real, shape)
     Weights, Activity, Deltas = network.Weights, network.Activity, network.Deltas
+    vec_in, vec_out = network.vec_in, network.vec_out
     structs = rollout_structs(real, features.further_losses)
     Trials, Senses, Trajectories = structs.Trials, structs.Senses, structs.Trajectories
     UpstreamGradients, CarriedGradients = structs.UpstreamGradients, structs.CarriedGradients
-    vec_terms = structs.vec_terms
-    parts = step_functions(real, shape, features)
+    mat22, vec_sensed, vec_terms = structs.mat22, structs.vec_sensed, structs.vec_terms
+    parts = step_functions(real, features)
     at_rest, seen_target, steady_force = parts.at_rest, parts.seen_target, parts.steady_force
-    observe, sensed_later, driven = parts.observe, parts.sensed_later, parts.driven
     within, all_terms = parts.within, parts.all_terms
+    senses_of = sense_functions(real, shape, features)
+    sense, show, by_sensed = senses_of.sense, senses_of.show, senses_of.by_sensed
+    sensed_later, driven = senses_of.sensed_later, senses_of.driven
+    springs = spring_functions(real, features)
+    spring_force, spring_slopes = springs.spring_force, springs.spring_slopes
+    back_to_other_hand = springs.back_to_other_hand
     excite = network_forward(real, shape, features.hidden_noise)
     excite_adjoint = network_adjoint(real, shape, features.hidden_noise)
     adjoint = arm_adjoint(real)
     linearize, pull_back, pull_back_in_field = adjoint.linearize, adjoint.pull_back, adjoint.pull_back_in_field
-    _, has_forces, has_further, has_senses, _ = features
+    has_forces, has_further, has_senses = features.forces, features.further_losses, features.senses
+    arms, size_of_view = features.arms, View.of(features.arms).size
+    # What a thread holds of its arms, a row each.
+    hands = wp.types.matrix((arms, 4), real)
+    of_muscles = wp.types.matrix((arms, N_MUSCLES), real)
+    felts = wp.types.matrix((arms, 2 * N_MUSCLES), real)
+    places = wp.types.matrix((arms, 2), real)
 
     @wp.func
     def weighted_terms(error: vec2, excitation: vec6, weight: vec_terms) -> real:
@@ -86,37 +103,67 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
     ) -> None:
         trial = first + wp.tid()
         s = trial // batch
-        joint = at_rest(trials.start[trial])
-        muscle = resting_muscles(p, joint)
-        position = hand_state(p, joint)
+        joints = hands()
+        positions = hands()
+        activations = of_muscles()
+        forces = of_muscles()
+        felt = felts()
+        for arm in range(arms):
+            joint = at_rest(trials.start[trial * arms + arm])
+            muscle = resting_muscles(p, joint)
+            joints[arm] = joint
+            positions[arm] = hand_state(p, joint)
+            activations[arm] = muscle[ACTIVATION]
+            forces[arm] = muscle[FORCE]
+            felt[arm] = proprioception(p, muscle)
+        started = hands(positions)
         for t in range(n_steps):
-            k = trial * n_steps + t
-            target = seen_target(p, trials, trial, t)
-            observation = observe(p, trials, senses, out, trial, t, n_steps, muscle, position, target)
-            excitation = excite(w, a, s, k, observation)
-            load = steady_force(trials, trial, t)
-            if has_forces:
-                load = hand_force(position, load, trials.velocity_gain[trial], trials.position_gain[trial])
-            joint_next = next_joint(p, joint, muscle_torque(p, joint, muscle[FORCE]), load)
-            muscle = muscles_at(p, joint, activate(p, muscle[ACTIVATION], driven(senses, k, excitation)))
-            joint = joint_next
-            position = hand_state(p, joint)
-            hand = vec2(position[0], position[1])
-            out.joint[k] = joint
-            out.muscle[k] = muscle
-            out.hand[k] = hand
-            out.excitation[k] = excitation
-            if has_further:
-                change = vec6()
-                if t > 0:
-                    change = excitation - out.excitation[k - 1]
-                velocity = vec2(position[2], position[3])
-                relative_force = wp.cw_div(muscle[FORCE], p.max_isometric_force)
-                out.terms[k] = all_terms(
-                    hand - target, velocity, excitation, change, relative_force, within(t, counts_from)
-                )
-            else:
-                out.terms[k] = step_terms(hand - target, excitation)
+            observation = vec_in()
+            targets = places()
+            for arm in range(arms):
+                hand = trial * arms + arm
+                target = seen_target(p, trials, hand, t)
+                sensed = sense(p, trials, senses, out, hand, t, n_steps, felt[arm], positions[arm])
+                observation = show(observation, trials, arm, sensed, target)
+                targets[arm] = target
+            excitation = excite(w, a, s, trial * n_steps + t, observation)
+            before = hands(positions)
+            for arm in range(arms):
+                hand = trial * arms + arm
+                k = hand * n_steps + t
+                joint = joints[arm]
+                command = vec6()
+                for m in range(N_MUSCLES):
+                    command[m] = excitation[arm * N_MUSCLES + m]
+                load = steady_force(trials, hand, t)
+                if has_forces:
+                    load = hand_force(before[arm], load, trials.velocity_gain[hand], trials.position_gain[hand])
+                if arms > 1:
+                    other = arms - 1 - arm
+                    load = load + spring_force(trials, trial, before[arm], before[other], started[arm], started[other])
+                joint_next = next_joint(p, joint, muscle_torque(p, joint, forces[arm]), load)
+                muscle = muscles_at(p, joint, activate(p, activations[arm], driven(senses, k, command)))
+                position = hand_state(p, joint_next)
+                joints[arm] = joint_next
+                positions[arm] = position
+                activations[arm] = muscle[ACTIVATION]
+                forces[arm] = muscle[FORCE]
+                felt[arm] = proprioception(p, muscle)
+                place = vec2(position[0], position[1])
+                out.joint[k] = joint_next
+                out.muscle[k] = muscle
+                out.hand[k] = place
+                out.excitation[k] = command
+                error = place - targets[arm]
+                if has_further:
+                    change = vec6()
+                    if t > 0:
+                        change = command - out.excitation[k - 1]
+                    velocity = vec2(position[2], position[3])
+                    relative_force = wp.cw_div(muscle[FORCE], p.max_isometric_force)
+                    out.terms[k] = all_terms(error, velocity, command, change, relative_force, within(t, counts_from))
+                else:
+                    out.terms[k] = step_terms(error, command)
 
     @wp.kernel(module="unique", enable_backward=False)
     def roll_adjoint(
@@ -137,92 +184,152 @@ def rollout_kernels(real: Any, shape: NetworkShape, features: Features) -> Rollo
         trial = first + wp.tid()
         s = trial // batch
         n_streams = g.terms.shape[0]
-        start = at_rest(trials.start[trial])
-        for stream in range(n_streams):
-            c.joint[stream, trial] = vec4()
-            c.muscle[stream, trial] = rows()
-            c.hand[stream, trial] = vec4()
-            if has_further:
-                c.excitation[stream, trial] = vec6()
-            d.combination[stream, trial, 0] = real(0.0)
-            d.combination[stream, trial, 1] = real(0.0)
+        started = hands()
+        for arm in range(arms):
+            if arms > 1:
+                started[arm] = hand_state(p, at_rest(trials.start[trial * arms + arm]))
+            for stream in range(n_streams):
+                hand = trial * arms + arm
+                c.joint[stream, hand] = vec4()
+                c.muscle[stream, hand] = rows()
+                c.hand[stream, hand] = vec4()
+                if has_further:
+                    c.excitation[stream, hand] = vec6()
+                d.combination[stream, trial, 0, arm] = real(0.0)
+                d.combination[stream, trial, 1, arm] = real(0.0)
         for back in range(n_steps):
             t = n_steps - 1 - back
-            k = trial * n_steps + t
-            joint = start
-            muscle = rows()
-            if t > 0:
-                joint = out.joint[k - 1]
-                muscle = out.muscle[k - 1]
-            else:
-                muscle = resting_muscles(p, joint)
-            muscle_next = out.muscle[k]
-            excitation = out.excitation[k]
-            error = out.hand[k] - seen_target(p, trials, trial, t)
-            load = steady_force(trials, trial, t)
-            # What does not depend on the stream is worked out once for both.
-            slopes = linearize(p, joint, muscle[ACTIVATION], driven(senses, k, excitation), muscle_next)
-            for stream in range(n_streams):
-                # The loss sees this step's end by its terms, by the next step (carried) and, maybe, by itself.
-                d_joint = c.joint[stream, trial]
-                d_muscle = c.muscle[stream, trial]
-                d_hand = c.hand[stream, trial]
-                d_command = vec6()
-                if has_further:
-                    after = hand_state(p, out.joint[k])
-                    change = vec6()
-                    if t > 0:
-                        change = excitation - out.excitation[k - 1]
-                    by_error, by_velocity, by_excitation, by_change, by_force, _counts, _weight = wp.grad(
-                        weighted_all_terms
-                    )(
-                        error,
-                        vec2(after[2], after[3]),
-                        excitation,
-                        change,
-                        wp.cw_div(muscle_next[FORCE], p.max_isometric_force),
-                        within(t, counts_from),
-                        g.terms[stream],
-                    )
-                    d_hand = d_hand + vec4(by_error[0], by_error[1], by_velocity[0], by_velocity[1])
-                    # A change is this excitation minus the one before, which is met next.
-                    d_command = by_excitation + c.excitation[stream, trial]
-                    if t > 0:
-                        d_command = d_command + by_change
-                        c.excitation[stream, trial] = -by_change
-                    for m in range(N_MUSCLES):
-                        d_muscle[FORCE, m] = d_muscle[FORCE, m] + by_force[m] / p.max_isometric_force[m]
-                else:
-                    d_error, d_effort, _weight = wp.grad(weighted_terms)(error, excitation, g.terms[stream])
-                    d_hand = d_hand + vec4(d_error[0], d_error[1], real(0.0), real(0.0))
-                    d_command = d_effort
-                if g.joint.shape[1] > 0:
-                    d_joint = d_joint + g.joint[stream, k]
-                    d_muscle = d_muscle + g.muscle[stream, k]
-                    d_position = g.hand[stream, k]
-                    d_hand = d_hand + vec4(d_position[0], d_position[1], real(0.0), real(0.0))
-                if has_forces:
-                    gradients = pull_back_in_field(
-                        p, slopes, joint, muscle[FORCE], load, trials.velocity_gain[trial], trials.position_gain[trial],
-                        muscle_next, d_joint, d_muscle, d_hand,
-                    )  # fmt: skip
-                else:
-                    gradients = pull_back(p, slopes, joint, muscle[FORCE], load, muscle_next, d_joint, d_muscle, d_hand)
-                d_excitation = gradients.excitation + d_command
-                d_observation = excite_adjoint(w, a, d, s, k, stream, trial, excitation, d_excitation)
-                if has_senses:
-                    d_observation = sensed_later(senses, a, c, stream, trial, t, n_steps, d_observation)
-                # Of the state at the step's start, the arm takes activation and force, the network lengths, velocities
-                # and the hand; what the network takes of the target is no state.
-                d_state = rows()
+            joints = hands()
+            positions = hands()
+            for arm in range(arms):
+                joint = at_rest(trials.start[trial * arms + arm])
+                if t > 0:
+                    joint = out.joint[(trial * arms + arm) * n_steps + t - 1]
+                joints[arm] = joint
+                if arms > 1:
+                    positions[arm] = hand_state(p, joint)
+            # Back through the step of each arm, to what it takes of the network and of the hands before it.
+            excitation = vec_out()
+            for arm in range(arms):
+                hand = trial * arms + arm
+                k = hand * n_steps + t
+                joint = joints[arm]
+                muscle = rows()
+                if t == 0:
+                    muscle = resting_muscles(p, joint)
+                if t > 0:
+                    muscle = out.muscle[k - 1]
+                muscle_next = out.muscle[k]
+                command = out.excitation[k]
                 for m in range(N_MUSCLES):
-                    optimal = p.optimal_muscle_length[m]
-                    d_state[ACTIVATION, m] = gradients.activation[m]
-                    d_state[FORCE, m] = gradients.force[m]
-                    d_state[LENGTH, m] = d_observation[m] / optimal
-                    d_state[VELOCITY, m] = d_observation[N_MUSCLES + m] / (p.normalized_max_velocity * optimal)
-                c.joint[stream, trial] = gradients.joint
-                c.muscle[stream, trial] = d_state
-                c.hand[stream, trial] = vec4(d_observation[HAND], d_observation[HAND + 1], real(0.0), real(0.0))
+                    excitation[arm * N_MUSCLES + m] = command[m]
+                error = out.hand[k] - seen_target(p, trials, hand, t)
+                load = steady_force(trials, hand, t)
+                velocity_gain = mat22()
+                position_gain = mat22()
+                pull_by_position = mat22()
+                pull_by_velocity = mat22()
+                if has_forces:
+                    velocity_gain = trials.velocity_gain[hand]
+                    position_gain = trials.position_gain[hand]
+                if arms > 1:
+                    # At any one moment a spring is a field like others, affine in the motion of the hand.
+                    other = arms - 1 - arm
+                    own = positions[arm]
+                    pull_by_position, pull_by_velocity = spring_slopes(
+                        trials, trial, own, positions[other], started[arm], started[other]
+                    )
+                    pull = spring_force(trials, trial, own, positions[other], started[arm], started[other])
+                    load = (
+                        load + pull + pull_by_position * vec2(own[0], own[1]) + pull_by_velocity * vec2(own[2], own[3])
+                    )
+                    velocity_gain = velocity_gain - pull_by_velocity
+                    position_gain = position_gain + pull_by_position
+                # What does not depend on the stream is worked out once for both.
+                slopes = linearize(p, joint, muscle[ACTIVATION], driven(senses, k, command), muscle_next)
+                for stream in range(n_streams):
+                    # The loss sees this step's end by its terms, by the next step (carried) and, maybe, by itself.
+                    d_joint = c.joint[stream, hand]
+                    d_muscle = c.muscle[stream, hand]
+                    d_hand = c.hand[stream, hand]
+                    d_command = vec6()
+                    if has_further:
+                        after = hand_state(p, out.joint[k])
+                        change = vec6()
+                        if t > 0:
+                            change = command - out.excitation[k - 1]
+                        by_error, by_velocity, by_excitation, by_change, by_force, _counts, _weight = wp.grad(
+                            weighted_all_terms
+                        )(
+                            error,
+                            vec2(after[2], after[3]),
+                            command,
+                            change,
+                            wp.cw_div(muscle_next[FORCE], p.max_isometric_force),
+                            within(t, counts_from),
+                            g.terms[stream],
+                        )
+                        d_hand = d_hand + vec4(by_error[0], by_error[1], by_velocity[0], by_velocity[1])
+                        # A change is this excitation minus the one before, which is met next.
+                        d_command = by_excitation + c.excitation[stream, hand]
+                        if t > 0:
+                            d_command = d_command + by_change
+                            c.excitation[stream, hand] = -by_change
+                        for m in range(N_MUSCLES):
+                            d_muscle[FORCE, m] = d_muscle[FORCE, m] + by_force[m] / p.max_isometric_force[m]
+                    else:
+                        d_error, d_effort, _weight = wp.grad(weighted_terms)(error, command, g.terms[stream])
+                        d_hand = d_hand + vec4(d_error[0], d_error[1], real(0.0), real(0.0))
+                        d_command = d_effort
+                    if g.joint.shape[1] > 0:
+                        d_joint = d_joint + g.joint[stream, k]
+                        d_muscle = d_muscle + g.muscle[stream, k]
+                        d_position = g.hand[stream, k]
+                        d_hand = d_hand + vec4(d_position[0], d_position[1], real(0.0), real(0.0))
+                    if has_forces or arms > 1:
+                        gradients = pull_back_in_field(
+                            p, slopes, joint, muscle[FORCE], load, velocity_gain, position_gain,
+                            muscle_next, d_joint, d_muscle, d_hand,
+                        )  # fmt: skip
+                    else:
+                        gradients = pull_back(
+                            p, slopes, joint, muscle[FORCE], load, muscle_next, d_joint, d_muscle, d_hand
+                        )
+                    # Of the state at the step's start, the arm takes activation and force, the network the rest.
+                    d_state = rows()
+                    d_state[ACTIVATION] = gradients.activation
+                    d_state[FORCE] = gradients.force
+                    c.joint[stream, hand] = gradients.joint
+                    c.muscle[stream, hand] = d_state
+                    c.command[stream, hand] = gradients.excitation + d_command
+                    if arms > 1:
+                        c.pull[stream, hand] = back_to_other_hand(pull_by_position, pull_by_velocity, gradients.load)
+            # Back through the network, to what it took of the arms; what it takes of the targets is no state.
+            for stream in range(n_streams):
+                d_excitation = vec_out()
+                for arm in range(arms):
+                    by_command = c.command[stream, trial * arms + arm]
+                    for m in range(N_MUSCLES):
+                        d_excitation[arm * N_MUSCLES + m] = by_command[m]
+                sample = trial * n_steps + t
+                d_observation = excite_adjoint(w, a, d, s, sample, stream, trial, excitation, d_excitation)
+                for arm in range(arms):
+                    hand = trial * arms + arm
+                    d_sensed = by_sensed(d_observation, arm)
+                    if has_senses:
+                        sensed = vec_sensed()
+                        for i in range(N_SENSED):
+                            sensed[i] = a.observation[sample][arm * size_of_view + i]
+                        d_sensed = sensed_later(senses, c, stream, hand, t, n_steps, sensed, d_sensed)
+                    d_state = c.muscle[stream, hand]
+                    for m in range(N_MUSCLES):
+                        optimal = p.optimal_muscle_length[m]
+                        d_state[LENGTH, m] = d_sensed[m] / optimal
+                        d_state[VELOCITY, m] = d_sensed[N_MUSCLES + m] / (p.normalized_max_velocity * optimal)
+                    c.muscle[stream, hand] = d_state
+                    d_hand = vec4(d_sensed[HAND], d_sensed[HAND + 1], real(0.0), real(0.0))
+                    if arms > 1:
+                        d_hand = d_hand + c.pull[stream, trial * arms + arms - 1 - arm]
+                    c.hand[stream, hand] = d_hand
 
     return RolloutKernels(roll, roll_adjoint, network, structs)

@@ -13,8 +13,23 @@ N_SENSED = 2 * N_MUSCLES + 2
 """Numbers of an observation that are sensed: lengths and velocities of the muscles, the hand's x and y."""
 N_NOISE = N_SENSED + N_MUSCLES
 """Normal numbers of a step: for what is sensed, and for the excitations."""
-HAND, TARGET = 2 * N_MUSCLES, N_SENSED
-"""Where an observation holds the hand's and the target's x and y; lengths and velocities of the muscles come first."""
+HAND = 2 * N_MUSCLES
+"""Where the view of an arm holds the x and y of its hand; lengths and velocities of its muscles come first."""
+
+
+class View(NamedTuple):
+    """Where the view of an arm holds the rest, and how long it is; an observation is the view of every arm."""
+
+    other_hand: int
+    target: int
+    other_target: int
+    size: int
+
+    @classmethod
+    def of(cls, arms: int) -> "View":
+        """Return the view of one of ``arms`` arms; with one, there is no other hand."""
+        target = HAND + 2 * arms
+        return cls(HAND + 2, target, target + 2, target + 2 * arms)
 
 
 def n_terms(further: bool) -> int:
@@ -51,7 +66,10 @@ def rollout_structs(real: Any, further_losses: bool) -> RolloutStructs:
 
     @wp.struct
     class Trials:
-        """Trials of ``S`` networks with ``B`` each, ``n = S * B``; trial ``i`` is one of network ``i // B``."""
+        """Trials of ``S`` networks with ``B`` each, ``m = S * B``; trial ``i`` is one of network ``i // B``.
+
+        Everything but the spring is of ``n = m * arms`` hands; hand ``i`` is of trial ``i // arms``.
+        """
 
         start: wp.array(dtype=vec2)  # (n,) angles (rad), at rest
         target: wp.array(dtype=vec2)  # (n,) m
@@ -66,6 +84,10 @@ def rollout_structs(real: Any, further_losses: bool) -> RolloutStructs:
         position_gain: wp.array(dtype=mat22)  # (n,) N/m
         pulse: wp.array(dtype=vec2)  # (n,) N
         pulse_window: wp.array2d(dtype=wp.int32)  # (n, 2)
+        # Of trials of two arms: the spring between the hands.
+        stiffness: wp.array(dtype=real)  # (m,) N/m
+        damping: wp.array(dtype=real)  # (m,) N·s/m
+        shoulder_distance: real  # m
 
     @wp.struct
     class Senses:
@@ -79,7 +101,7 @@ def rollout_structs(real: Any, further_losses: bool) -> RolloutStructs:
 
     @wp.struct
     class Trajectories:
-        """What is so after each of ``T`` steps; sample ``k`` is step ``k % T`` of trial ``k // T``."""
+        """What is so after each of ``T`` steps; sample ``k`` is step ``k % T`` of hand ``k // T``."""
 
         joint: wp.array(dtype=vec4)  # (n * T,)
         muscle: wp.array(dtype=rows)  # (n * T,)
@@ -108,6 +130,8 @@ def rollout_structs(real: Any, further_losses: bool) -> RolloutStructs:
         muscle: wp.array2d(dtype=rows)  # (streams, n)
         hand: wp.array2d(dtype=vec4)  # (streams, n)
         excitation: wp.array2d(dtype=vec6)  # (streams, n) by the change of excitations since the step before
+        command: wp.array2d(dtype=vec6)  # (streams, n) by the command of the step at hand
+        pull: wp.array2d(dtype=vec4)  # (streams, n) by the other hand before the step at hand, through the spring
         felt: wp.array3d(dtype=vec_felt)  # (streams, n, delay + 1)
         seen: wp.array3d(dtype=vec2)  # (streams, n, delay + 1)
 

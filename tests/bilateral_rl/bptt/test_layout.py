@@ -13,14 +13,18 @@ fast = settings(max_examples=40, deadline=None)
 
 @st.composite
 def networks(draw):
-    """A network of any architecture and size."""
+    """A network of any architecture and size, for one arm or for two."""
     architecture = draw(st.sampled_from(list(ARCHITECTURES)))
     units, layers = draw(st.integers(1, 24)), draw(st.integers(1, 5))
     if architecture == "bilateral":
         units = 2 * units
     if architecture == "callosal":
         units, layers = 2 * units + 2, layers + 1
-    return make_network(architecture, draw(st.integers(1, 20)), draw(st.integers(1, 8)), units, layers)
+    n_arms = draw(st.integers(1, 2))
+    sizes = (n_arms * draw(st.integers(1, 20)), n_arms * draw(st.integers(1, 8)), units, layers)
+    paths = {"trained_combination": True} if draw(st.booleans()) else {"ipsilateral_share": 0.0}
+    has_paths = n_arms == 2 and architecture != "unilateral"
+    return make_network(architecture, *sizes, n_arms=n_arms, **(paths if has_paths else {}))
 
 
 def states_of(network, n, seed):
@@ -66,7 +70,7 @@ def test_regions_hold_the_variables_layer_by_layer_and_the_bias_last(network, n)
     names = {
         "first": [f"{side}.0" for side in sides],
         "hidden": [f"{side}.{k}" for k in range(1, network.layers) for side in sides],
-        "output": ["output"],
+        "output": ["output"] if layout.shape.arms == 1 else ["output.dominant", "output.non_dominant"],
     }
     regions = {name: layout.region(rows, name) for name in layout.regions}
     assert set(regions) == {*names, "combination"}
@@ -75,7 +79,7 @@ def test_regions_hold_the_variables_layer_by_layer_and_the_bias_last(network, n)
             layers = [torch.cat([state[f"{m}.weight"].t(), state[f"{m}.bias"][None]]) for m in modules]
             values = regions[region][s].reshape(len(layers), *regions[region].shape[-2:])
             assert len(layers) == 0 or torch.equal(values, torch.stack(layers)), region
-        weights = [state[f"combination_{side}"].item() for side in sides if len(sides) == 2]
+        weights = [state[f"combination_{side}"].reshape(-1).tolist() for side in sides if len(sides) == 2]
         assert regions["combination"][s].tolist() == weights
 
 
@@ -87,6 +91,15 @@ def test_regions_are_views_of_the_rows():
     n = sum(v.size for v in layout.variables)
     assert (rows[..., :n] == 1).all()
     assert (rows[..., n:] == 0).all()
+
+
+@fast
+@given(network=networks())
+def test_what_is_fixed_is_not_free(network):
+    layout = Layout(network)
+    fixed = {v.name for v in layout.variables if v.fixed}
+    assert fixed == {name for name, parameter in network.named_parameters() if not parameter.requires_grad}
+    assert layout.free.sum() == sum(parameter.numel() for parameter in network.parameters() if parameter.requires_grad)
 
 
 def test_only_the_combination_weights_are_kept_from_going_negative():
