@@ -20,7 +20,6 @@ from bilateral_rl.config.hyperparameters import (
     OnPolicyHyperparameters,
 )
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
-from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import GROUPS, stream_mix, stream_names
 
@@ -29,12 +28,12 @@ MOST_PARAMETERS = 10**7
 SMALLEST, LARGEST = 1e-9, 1e6
 """Sizes of any number but 0 that describes a trial or an arm, whatever its unit."""
 
-_OBSERVED = 16
-"""Numbers in an observation."""
+_OBSERVED = {1: 16, 2: 40}
+"""Numbers in an observation, by the number of arms."""
 _NOISE = 20
-"""Normal numbers of a step, for senses and muscles."""
+"""Normal numbers of a step of an arm, for senses and muscles."""
 _PER_TRIAL = 32
-"""Numbers that set a trial, roughly."""
+"""Numbers that set a trial of an arm, roughly."""
 
 
 def check(config: TrainConfig) -> None:
@@ -42,6 +41,7 @@ def check(config: TrainConfig) -> None:
     if config.all_seeds[-1] > MAX_SEED:
         raise UserError(f"The last seed, seed + seeds - 1, must be at most {MAX_SEED:,}, got {config.all_seeds[-1]:,}.")
     _check_network(config)
+    _check_combination(config)
     _check_frozen(config)
     if config.blocks.every and not (config.experiment and config.experiment.has_field):
         raise UserError(f"blocks.every tests an adaptation to a field, which {config.task} has not: leave it out.")
@@ -130,6 +130,25 @@ def _check_network(config: TrainConfig) -> None:
         raise UserError(f"The model {config.model} cannot be built: {trouble}.")
 
 
+def _check_combination(config: TrainConfig) -> None:
+    """Refuse weights of the hemispheres in the commands to two arms where there are no two, or nothing to weigh."""
+    share, trained = config.network.ipsilateral_share, config.network.trained_combination
+    given = {"ipsilateral_share": share, "trained_combination": trained}
+    name = next((name for name, value in given.items() if value is not None), None)
+    if name is None:
+        return
+    if config.n_arms == 1:
+        config.make_task()  # asks for the name of a class, which may be for two arms
+        raise UserError(f"network.{name} is for tasks of two arms, and {config.task} has one: leave it out.")
+    if config.spec.architecture == "unilateral":
+        raise UserError(f"network.{name} has no effect on {config.model}, which has no hemispheres: leave it out.")
+    if trained and share == 0:
+        raise UserError(
+            "network.trained_combination has nothing to weigh where network.ipsilateral_share is 0, and each arm "
+            "follows one hemisphere alone: leave it out, or give a share above 0."
+        )
+
+
 def _check_frozen(config: TrainConfig) -> None:
     """Refuse to freeze sides that there are not, or everything."""
     if config.frozen and config.spec.architecture == "unilateral":
@@ -172,9 +191,9 @@ def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 def _parameters(config: TrainConfig) -> Iterator[tuple[str, int]]:
     """Yield what has parameters, and roughly how many."""
-    yield "the network", _size(_hidden(config))
+    yield "the network", _size(config, _hidden(config))
     if isinstance(config, RLConfig):
-        yield "a critic", _size(config.network.critic_arch)
+        yield "a critic", _size(config, config.network.critic_arch)
 
 
 def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
@@ -184,18 +203,19 @@ def _arrays(config: TrainConfig) -> Iterator[tuple[str, int]]:
     if isinstance(config, BPTTConfig):
         supervised, seeds = config.bptt, config.seeds
     hidden = sum(_hidden(config))
-    per_step = hidden + NUMBERS_PER_STEP + (_NOISE if config.trial.noisy else 0)
+    of_arms = NUMBERS_PER_STEP * config.n_arms
+    per_step = hidden + of_arms + (_NOISE * config.n_arms if config.trial.noisy else 0)
     per_step += hidden if config.network.hidden_noise else 0
-    yield "seeds and network", seeds * _size(_hidden(config))
+    yield "seeds and network", seeds * _size(config, _hidden(config))
     yield "bptt.batch_size, seeds, trial and network", seeds * supervised.batch_size * steps * per_step
     yield "bptt.validation_trials, seeds, trial and network", seeds * supervised.validation_trials * steps * per_step
-    yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL
-    yield "blocks.trials and trial", config.blocks.trials * steps * NUMBERS_PER_STEP
+    yield "bptt.trials and seeds", seeds * supervised.trials * _PER_TRIAL * config.n_arms
+    yield "blocks.trials and trial", config.blocks.trials * steps * of_arms
     if isinstance(config, RLConfig):
         chosen = config.hyperparameters
-        per_step = NUMBERS_PER_STEP + len(chosen.action_traces) * (N_MUSCLES + 1)
-        yield "n_envs and trial", config.n_envs * steps * NUMBERS_PER_STEP
-        yield "evaluation.trials and trial", config.evaluation.trials * steps * NUMBERS_PER_STEP
+        per_step = of_arms + len(chosen.action_traces) * (config.n_muscles + 1)
+        yield "n_envs and trial", config.n_envs * steps * of_arms
+        yield "evaluation.trials and trial", config.evaluation.trials * steps * of_arms
         if isinstance(chosen, OnPolicyHyperparameters):
             yield f"n_envs and {config.algo}.n_steps", config.n_envs * chosen.n_steps * per_step
         if isinstance(chosen, OffPolicyHyperparameters):
@@ -208,7 +228,7 @@ def _hidden(config: TrainConfig) -> list[int]:
     return [config.network.units] * config.network.layers
 
 
-def _size(widths: Sequence[int]) -> int:
+def _size(config: TrainConfig, widths: Sequence[int]) -> int:
     """Count the parameters of a network with these hidden layers, roughly."""
-    sizes = [_OBSERVED, *widths, N_MUSCLES]
+    sizes = [_OBSERVED[config.n_arms], *widths, config.n_muscles]
     return sum(n * m + m for n, m in itertools.pairwise(sizes))

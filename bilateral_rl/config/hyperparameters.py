@@ -16,7 +16,7 @@ from bilateral_rl.vocabulary import Penalty
 MOST_COUNTED = 10**15
 """Upper bound of steps, epochs and the like."""
 MOST_ARMS = 10**6
-"""Upper bound of arms and of trials at once."""
+"""Upper bound of environments and of trials at once."""
 MOST_NUMBERS, NUMBERS_PER_STEP = 5 * 10**8, 64
 """Numbers in any of the large arrays, 2 GB, and those kept of a step of an arm, roughly."""
 

@@ -15,6 +15,7 @@ from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge, plain_values
 from bilateral_rl.config.schema import CONFIGS, RLConfig, SACConfig, TrainConfig
 from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
+from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import group_penalties
 
@@ -181,7 +182,8 @@ def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:
 def tuned_defaults(algo: str, task: str) -> Values:
     """Return the settings that ``defaults.yaml`` holds for an algorithm and a task."""
     table = _defaults_table().get(algo, {})
-    return merge(table.get("any_task") or {}, table.get(task) or {})
+    of_two_arms = table.get("two_arms") if TASK_SPECS[task].n_arms == 2 else None
+    return merge(merge(table.get("any_task") or {}, of_two_arms or {}), table.get(task) or {})
 
 
 def quick_settings(algo: str) -> Values:

@@ -7,7 +7,7 @@ import re
 import typing
 from abc import ABC, abstractmethod
 from dataclasses import field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic.dataclasses import dataclass
@@ -21,6 +21,7 @@ from bilateral_rl.config.hyperparameters import (
     Count,
     CountOrNone,
     Flag,
+    Fraction,
     PPOHyperparameters,
     SACHyperparameters,
     StreamHyperparameters,
@@ -28,6 +29,7 @@ from bilateral_rl.config.hyperparameters import (
 )
 from bilateral_rl.config.parse import Values, plain_values
 from bilateral_rl.config.tasks import JudgedBy, TaskChoice
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Number, Whole
 from bilateral_rl.envs.settings import TrialSettings
@@ -74,11 +76,17 @@ class NetworkConfig:
     """The motor network."""
 
     units: Units = 10
-    """Units per hidden layer, over both sides."""
+    """Units per hidden layer, over both sides; in tasks of two arms 20 by default."""
     layers: Annotated[Whole, Field(ge=1, le=MOST_LAYERS)] = 2
     """Hidden layers."""
     hidden_noise: NotNegative = 0.0
     """Standard deviation of the noise that is added to each hidden unit's activity, in training and in tests."""
+    ipsilateral_share: Fraction | None = None
+    """Of two arms: weight of each hemisphere in the commands to the arm of its own side, where the arm opposite to it
+    gets the rest; 0 for no such path at all, null for 0.15."""
+    trained_combination: Flag | None = None
+    """Of two arms: whether those weights only begin so, and are trained and kept at 0 or more, as those of one arm
+    always are; null for false."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -192,6 +200,16 @@ class TrainConfig(ABC):
     def judged_by(self) -> JudgedBy:
         """The measure that says how well the task is done, "goal_completion" or "time_in_goal"."""
         return TaskChoice(self.task, self.experiment).judged_by
+
+    @property
+    def n_arms(self) -> Literal[1, 2]:
+        """How many arms the task is for; 1 for a class that nobody has named to this process, whatever it is."""
+        return TaskChoice(self.task, self.experiment).n_arms
+
+    @property
+    def n_muscles(self) -> int:
+        """Muscles of all arms."""
+        return N_MUSCLES * self.n_arms
 
     @property
     def task_folder(self) -> str:

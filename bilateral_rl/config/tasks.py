@@ -39,6 +39,15 @@ class TaskChoice:
         return code_task(self.task).judged_by if is_allowed(self.task) else "goal_completion"
 
     @property
+    def n_arms(self) -> Literal[1, 2]:
+        """How many arms it is for; of a class that nobody has named, 1."""
+        if self.experiment is not None:
+            return 1 if self.experiment.arms is None else 2
+        if self.task in TASK_SPECS:
+            return TASK_SPECS[self.task].n_arms
+        return code_task(self.task).n_arms if is_allowed(self.task) else 1
+
+    @property
     def trial(self) -> Mapping[str, Any]:
         """Settings of trials that it has where nobody says otherwise."""
         if self.experiment is not None:
@@ -47,10 +56,11 @@ class TaskChoice:
 
     @property
     def tuned_as(self) -> str:
-        """Whose tuned defaults it has."""
+        """Whose tuned defaults it has: those of the first task of as many arms that is judged by the same measure."""
         if self.task in TASK_SPECS:
             return self.task
-        return next(name for name, spec in TASK_SPECS.items() if spec.judged_by == self.judged_by)
+        kind = (self.n_arms, self.judged_by)
+        return next(name for name, spec in TASK_SPECS.items() if (spec.n_arms, spec.judged_by) == kind)
 
 
 def choose_task(task: object, layers: Sequence[Mapping[str, Any]], default: str) -> TaskChoice:

@@ -63,8 +63,9 @@ bilateral-rl train --config mine.yaml
 ```
 
 A setting with a dot belongs to a section of the file: `trial.max_load=5` is `max_load: 5` under `trial:`. Where the
-default depends on the algorithm or on the task, the table names each; *reach* is `random_reach` and *hold* is
-`hold_position`. A dash in the column of units stands for a pure number, a count or a word.
+default depends on the algorithm or on the task, the table names each; *reach* is `random_reach`, *hold* is
+`hold_position`, and *one arm* and *two arms* are all tasks of so many. A dash in the column of units stands for a pure
+number, a count or a word.
 
 A value out of its bounds is refused before anything is computed, and so is a name that the algorithm does not know.
 Bounds that concern several settings at once (a network that would not fit into memory, for example) are checked too.
@@ -153,7 +154,7 @@ def _docstrings(cls: type) -> dict[str, str]:
 
 def default(key: str, algos: Iterable[str]) -> str:
     """Return the default, or the defaults by algorithm and task."""
-    return by_algorithm({algo: _both(*(_value(algo, task, key) for task in TASK_SPECS)) for algo in algos})
+    return by_algorithm({algo: by_task({task: _value(algo, task, key) for task in TASK_SPECS}) for algo in algos})
 
 
 def by_algorithm(texts: Mapping[str, str]) -> str:
@@ -166,8 +167,22 @@ def by_algorithm(texts: Mapping[str, str]) -> str:
     return "<br>".join(f"{', '.join(names)}: {words}" for words, names in having.items())
 
 
-def _both(reach: str, hold: str) -> str:
-    return reach if reach == hold else f"reach {reach}, hold {hold}"
+def by_task(texts: Mapping[str, str]) -> str:
+    """Write a text once if it is the same for every task, else once for each kind of task for which it differs."""
+    having: dict[str, list[str]] = {}
+    for task, words in texts.items():
+        having.setdefault(words, []).append(task)
+    if len(having) == 1:
+        return next(iter(having))
+    return "; ".join(f"{_kind(tasks)} {words}" for words, tasks in having.items())
+
+
+def _kind(tasks: list[str]) -> str:
+    """Say which tasks these are: all of one arm or of two, or some by their names."""
+    for n_arms, words in ((1, "one arm"), (2, "two arms")):
+        if tasks == [name for name, spec in TASK_SPECS.items() if spec.n_arms == n_arms]:
+            return words
+    return ", ".join({"random_reach": "reach", "hold_position": "hold"}.get(task, task) for task in tasks)
 
 
 def _value(algo: str, task: str, key: str) -> str:

@@ -67,7 +67,7 @@ def test_tuned_defaults_are_for_algorithms_and_tasks_that_exist():
     table = yaml.safe_load(importlib.resources.files("bilateral_rl.config").joinpath("defaults.yaml").read_text())
     assert set(table) <= set(ALGORITHMS)
     for algo, by_task in table.items():
-        assert set(by_task) <= {"any_task", "in_field", "adapting", "quick", *TASKS}
+        assert set(by_task) <= {"any_task", "two_arms", "in_field", "adapting", "quick", *TASKS}
         for values in by_task.values():
             assert not {"algo", "model", "task", "seed"} & set(values)
             assert set(values) <= {f.name for f in dataclasses.fields(CONFIGS[algo])}
@@ -155,6 +155,45 @@ def test_exactly_the_networks_that_cannot_be_built_are_refused():
                     resolve(None, None, [values], model=model)
             else:
                 assert resolve(None, None, [values], model=model).network.units == units
+
+
+TWO_ARMS = {
+    "name": "both",
+    "arms": {
+        name: {"start": {"joints": [0.5, 1.0]}, "target": {"joints": [1.0, 1.2]}}
+        for name in ("dominant", "non_dominant")
+    },
+}
+"""An experiment of two arms."""
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_tasks_of_two_arms_have_twenty_units_and_twelve_muscles(algo):
+    config = resolve(algo, None, [{"experiment": TWO_ARMS}])
+    assert (config.n_arms, config.n_muscles, config.network.units) == (2, 12, 20)
+    assert (config.network.ipsilateral_share, config.network.trained_combination) == (None, None)
+    one = resolve(algo, None)
+    assert (one.n_arms, one.n_muscles, one.network.units) == (1, 6, 10)
+
+
+def test_weights_of_hemispheres_in_two_arms_are_taken_where_they_have_an_effect():
+    both, share, trained = {"experiment": TWO_ARMS}, {"ipsilateral_share": 0.3}, {"trained_combination": True}
+    for network in (share, trained, share | trained, {"ipsilateral_share": 0}):
+        config = resolve("bptt", None, [both, {"network": network}])
+        assert {name: getattr(config.network, name) for name in network} == network
+        again = from_values(config.to_values())
+        assert again.network == config.network
+    for task, network, model, message in (
+        ({}, share, "cc_s", "network.ipsilateral_share is for tasks of two arms, and random_reach has one"),
+        ({}, {"trained_combination": False}, "cc_s", "network.trained_combination is for tasks of two arms"),
+        (both, share, "uni_b", "network.ipsilateral_share has no effect on uni_b, which has no hemispheres"),
+        (both, trained, "uni_dl", "network.trained_combination has no effect on uni_dl"),
+        (both, trained | {"ipsilateral_share": 0.0}, "bi_s", "network.trained_combination has nothing to weigh"),
+        (both, {"ipsilateral_share": 1.5}, "bi_s", "ipsilateral_share"),
+        (both, {"trained_combination": "maybe"}, "bi_s", "trained_combination"),
+    ):
+        with pytest.raises(UserError, match=re.escape(message)):
+            resolve(None, None, [task, {"network": network}], model=model)
 
 
 def test_reading_a_configuration_draws_no_random_numbers():
