@@ -1,44 +1,47 @@
-"""Trials taken apart: what is measured by target, by condition, and by the phases before and after the cue."""
+"""Trials taken apart: what is measured by target, condition, hand and role, and before and after the cue."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.kinematics import hand_speed
-from bilateral_rl.analysis.metric import Metric, mean
+from bilateral_rl.analysis.metric import ROLES, Metric, mean
 from bilateral_rl.analysis.metrics import measure
 from bilateral_rl.analysis.trial_parts import chosen
 from bilateral_rl.analysis.trial_plans import CONDITIONS, NULL_FIELD
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import SIDES
 
-BREAKDOWNS = ("target", "condition", "phase")
-"""What trials can be taken apart by."""
+BREAKDOWNS = ("target", "condition", "phase", "hand", "role", "hand,role")
+"""What trials can be taken apart by; by hand and role, those of two arms."""
 
 
 def breakdown(record: TrialRecord, by: str, metrics: Sequence[Metric]) -> pd.DataFrame:
-    """Return a row for each target, condition or phase.
+    """Return a row for each target, condition, phase, hand, or role, or each hand in each role.
 
     Args:
         record: the trials.
         by: what they are taken apart by.
-        metrics: of targets and conditions, the columns, by name; phases have their own.
+        metrics: the columns, by name; phases have their own.
 
     Returns:
-        Columns ``target`` (its index) and ``target_angle_deg``, or ``condition``, or ``phase``; ``trials``, how many;
-        and the measures.
+        Columns ``target`` (its index) and ``target_angle_deg``, or ``condition``, or ``phase``, or ``hand`` and
+        ``role``; ``trials``, how many, of two arms how many hands; and the measures.
 
     Raises:
-        UserError: anything else, or trials whose targets are no list.
+        UserError: anything else, trials whose targets are no list, or hands of one arm.
     """
     check_breakdown(by)
     if by == "phase":
         return pd.DataFrame(list(_phases(record)))
-    groups = _targets(record) if by == "target" else _conditions(record)
+    groups = {"target": _targets, "condition": _conditions}.get(by, partial(_hands, by.split(",")))(record)
     rows = [labels | {"trials": int(rows.sum())} | measure(chosen(record, rows), metrics) for labels, rows in groups]
     return pd.DataFrame(rows)
 
@@ -67,6 +70,17 @@ def _conditions(record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArra
 
     for condition in sorted(set(record.plan.condition.tolist()), key=order):
         yield {"condition": NULL_FIELD if condition == "null" else condition}, record.plan.condition == condition
+
+
+def _hands(labels: Sequence[str], record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArray[np.bool_]]]:
+    if record.n_arms == 1:
+        raise UserError(f"--by {','.join(labels)} tells two hands apart, and this task is of one arm: leave it out.")
+    values = {"hand": (record.plan.hand, SIDES), "role": (record.plan.role, ROLES)}
+    for words in itertools.product(*(values[label][1] for label in labels)):
+        of_words = [values[label][0] == word for label, word in zip(labels, words, strict=True)]
+        rows = np.logical_and.reduce(of_words)
+        if rows.any():
+            yield dict(zip(labels, words, strict=True)), rows
 
 
 def _phases(record: TrialRecord) -> Iterator[dict[str, object]]:

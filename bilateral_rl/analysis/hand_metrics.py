@@ -13,7 +13,8 @@ from typing import Literal
 
 import pandas as pd
 
-from bilateral_rl.analysis.hands import NEAR, hand_means, hand_table
+from bilateral_rl.analysis.hands import hand_means, hand_table
+from bilateral_rl.analysis.kinematics import NEAR
 from bilateral_rl.analysis.metric import Better, Metric
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.vocabulary import Side

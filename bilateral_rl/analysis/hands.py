@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 
 from bilateral_rl.analysis import kinematics
+from bilateral_rl.analysis.kinematics import NEAR
 from bilateral_rl.analysis.trial_records import TrialRecord
 
-NEAR = 0.02
-"""Distance from the target (m) at which a reach is over where it is judged on its way alone."""
 JUDGED_AT = 0.05
 """Radius of the goal (m) by which the speed to it is told."""
 OF_REACHES = (

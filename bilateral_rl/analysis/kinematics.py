@@ -19,6 +19,9 @@ from bilateral_rl.analysis.samples import Float64
 SAME_PLACE = 1e-6
 """Distance (m) under which two places are one: ten times the resolution of a hand in single precision."""
 
+NEAR = 0.02
+"""Distance from the target (m) at which a reach is over where it is judged on its way alone."""
+
 
 def hand_speed(hand: ArrayLike, timestep: float) -> Float64:
     """(n, T): mean speed of the hand over each step (m/s)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,15 +13,48 @@ from numpy.typing import ArrayLike
 from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
 from bilateral_rl.analysis.trial_parts import chosen
 from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.vocabulary import Side
 
 Better = Literal["higher", "lower"] | None
 IN = "_in_"
 """What stands between the name of a metric and the condition of the trials that it is of."""
+OF = "_of_"
+"""What stands between the name of a metric and the hand that it is of, perhaps with its role."""
 _CONDITION_WORDS = {
     "field": "in the field", "null": "without a field", "channel": "in the channel", "no_go": "without a cue",
     "jump": "with a jump", "pulse": "with a pulse",
 }  # fmt: skip
 """By the conditions of :data:`~bilateral_rl.analysis.trial_plans.CONDITIONS`."""
+
+
+Role = Literal["reach", "hold"]
+ROLES: tuple[Role, Role] = ("reach", "hold")
+"""What a hand does: "hold" where its goal is where it starts."""
+_ROLE_WORDS: dict[Role, str] = {"reach": "that reaches", "hold": "that holds"}
+
+
+class Part(NamedTuple):
+    """Which trials, and which hands in them, a metric is of."""
+
+    condition: str | None = None
+    """The condition of the trials; None for any."""
+    hand: Side | None = None
+    """Whose hand; None for either."""
+    role: Role | None = None
+    """What the hand does; None for anything. Trials of one arm are not told apart by it: all have the same."""
+
+    def of(self, record: TrialRecord) -> TrialRecord | None:
+        """Return these trials of a record; None where there are none."""
+        plan, rows = record.plan, np.ones(len(record.target), dtype=np.bool_)
+        if self.condition is not None:
+            rows &= plan.has(self.condition)
+        if self.hand is not None:
+            rows &= plan.hand == self.hand
+        if self.role is not None and record.n_arms > 1:
+            rows &= plan.role == self.role
+        if rows.all():
+            return record
+        return chosen(record, rows) if rows.any() else None
 
 
 @dataclass(frozen=True)
@@ -35,29 +68,55 @@ class Metric:
     unit: str
     """Unit of the value; empty for a pure number."""
     needs: tuple[str, ...]
-    """What a task must have for it to mean something: "reach" or "hold", and names of
-    :data:`~bilateral_rl.envs.tasks.FEATURES`."""
+    """What a task must have for it to mean something: "reach" or "hold", names of
+    :data:`~bilateral_rl.envs.tasks.FEATURES`, and "two_arms"."""
     better: Better
     """Which values are better; None if neither."""
     definition: str
     """One sentence, with its source."""
-    value: Callable[[TrialRecord], float]
-    """Computes the value of a seed from all its trials; NaN where no trial has one."""
+    compute: Callable[[TrialRecord], float]
+    """Computes the value of a seed from all the trials that count; NaN where none has one."""
     condition: str | None = None
     """The condition whose trials alone count; None for all."""
+    hand: Side | None = None
+    """The hand that alone counts in trials of two arms; None for both."""
+    role: Role | None = None
+    """The role in which alone it counts; None for every role that the metric needs."""
+
+    @property
+    def part(self) -> Part:
+        """The trials, and the hands in them, that count."""
+        needed = next((role for role in ROLES if role in self.needs), None)
+        return Part(self.condition, self.hand, self.role or needed)
+
+    def value(self, record: TrialRecord) -> float:
+        """Return the value of a seed from all its trials; NaN where no trial has one."""
+        return self.value_in(self.part.of(record))
+
+    def value_in(self, part: TrialRecord | None) -> float:
+        """Return the value of a seed from the trials that count, which :class:`Part` picks."""
+        return float("nan") if part is None else self.compute(part)
 
     def within(self, condition: str) -> Metric:
         """Return the same metric of the trials in a condition alone: ``final_error_in_null``."""
-
-        def value(record: TrialRecord) -> float:
-            rows = record.plan.has(condition)
-            return self.value(chosen(record, rows)) if rows.any() else float("nan")
-
-        label = f"{self.label}, {_CONDITION_WORDS[condition]}"
-        definition = f"{self.definition} Of the trials {_CONDITION_WORDS[condition]} alone."
-        name = f"{self.name}{IN}{condition}"
         return dataclasses.replace(
-            self, name=name, label=label, definition=definition, value=value, condition=condition
+            self,
+            name=f"{self.name}{IN}{condition}",
+            label=f"{self.label}, {_CONDITION_WORDS[condition]}",
+            definition=f"{self.definition} Of the trials {_CONDITION_WORDS[condition]} alone.",
+            condition=condition,
+        )
+
+    def of(self, hand: Side, role: Role | None = None) -> Metric:
+        """Return the same metric of one hand alone, perhaps in one role: ``final_error_of_dominant_hold``."""
+        words = f"{hand.replace('_', '-')} hand" + (f" {_ROLE_WORDS[role]}" if role else "")
+        return dataclasses.replace(
+            self,
+            name=f"{self.name}{OF}{hand}" + (f"_{role}" if role else ""),
+            label=f"{self.label}, {words}",
+            definition=f"{self.definition} Of the {words} alone.",
+            hand=hand,
+            role=role,
         )
 
 

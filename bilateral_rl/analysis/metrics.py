@@ -4,29 +4,42 @@ A metric's value is that of a seed: the mean over its trials, those left out in 
 has none in any). The metrics of a goal carry the goal's radius in their name: ``goal_completion_5cm``. What a reach
 comes to is measured from its onset on, the go cue or the jump of the target, and not in trials without a cue. Of the
 trials in one condition alone a metric ends with it: ``final_error_in_null``, ``goal_completion_5cm_in_field``.
+
+In trials of two arms a value is the mean over the hands, those that reach or those that hold where it is of one of
+both. Of one hand alone a metric ends with it, and with its role in tasks in which it may have either:
+``goal_completion_5cm_of_dominant``, ``final_error_of_non_dominant_hold``.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import re
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bilateral_rl.analysis import experiment_metrics, kinematics, smoothness
+from bilateral_rl.analysis import experiment_metrics, kinematics, smoothness, two_arm_metrics
 from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
-from bilateral_rl.analysis.metric import IN, Better, GoalMetric, Metric, mean
+from bilateral_rl.analysis.metric import IN, OF, ROLES, Better, GoalMetric, Metric, Part, Role, mean
 from bilateral_rl.analysis.trial_parts import cued, over_reaches
 from bilateral_rl.analysis.trial_plans import CONDITIONS
 from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.analysis.two_arm_metrics import TWO_ARMS
 from bilateral_rl.envs.tasks import Task, TaskLike, make_task
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import SIDES, Side
 
 _REACH, _HOLD, _BOTH = ("reach",), ("hold",), ()
-_KINDS = {"goal_completion": "reach", "time_in_goal": "hold"}
+_KINDS: dict[str, Role] = {"goal_completion": "reach", "time_in_goal": "hold"}
 """What a task is, by what it is judged by."""
+_HANDS: dict[str, tuple[Side, Role | None]] = {
+    f"{hand}_{role}" if role else hand: (hand, role) for hand in SIDES for role in (None, *ROLES)
+}
+"""A hand, perhaps in one role, by how names of metrics end."""
+_OF_BOTH_HANDS = "return_"
+"""Beginning of metrics that a trial has one of, however many arms it has."""
 
 
 def metrics_of(task: TaskLike, radii: Sequence[float]) -> list[Metric]:
@@ -43,6 +56,7 @@ def metrics_of(task: TaskLike, radii: Sequence[float]) -> list[Metric]:
     at_radii = [metric.at(radius) for metric in _GOAL_METRICS.values() for radius in radii]
     by_name = {metric.name: metric for metric in (*at_radii, *_TRIAL_METRICS.values())}
     plain = [metric for metric in by_name.values() if means_something(metric, known)]
+    plain += [metric.of(hand, role) for hand, role in _hands(known) for metric in plain if _is_of(metric, role)]
     of_any = [metric for metric in plain if "channel" not in metric.needs]
     return plain + [metric.within(condition) for condition in known.mixes for metric in of_any]
 
@@ -50,7 +64,8 @@ def metrics_of(task: TaskLike, radii: Sequence[float]) -> list[Metric]:
 def means_something(metric: Metric, task: TaskLike) -> bool:
     """Return whether a task has what a metric needs. Raises UserError if the task does not exist."""
     known = _known(task)
-    return {_KINDS[known.judged_by], *known.features}.issuperset(metric.needs)
+    has = {*_roles(known), *known.features, *((TWO_ARMS, *SIDES) if known.n_arms > 1 else ())}
+    return has.issuperset([*metric.needs, *filter(None, (metric.hand, metric.role))])
 
 
 def find_metric(name: str) -> Metric:
@@ -62,6 +77,9 @@ def find_metric(name: str) -> Metric:
     plain, _, condition = name.rpartition(IN)
     if condition in CONDITIONS and plain:
         return find_metric(plain).within(condition)
+    plain, _, hand = name.rpartition(OF)
+    if hand in _HANDS and plain and not plain.startswith(_OF_BOTH_HANDS):
+        return find_metric(plain).of(*_HANDS[hand])
     if name in _TRIAL_METRICS:
         return _TRIAL_METRICS[name]
     goal = re.fullmatch(r"(\w+)_(\d{1,99}(?:\.\d{1,99})?)cm", name)
@@ -71,7 +89,8 @@ def find_metric(name: str) -> Metric:
     raise UserError(
         f"Unknown metric {name!r}; choose from {', '.join(_TRIAL_METRICS)}, or with the goal's radius, as in "
         f"goal_completion_5cm, from {with_radius}; of trials in one condition alone, as in final_error_in_null, with "
-        f"{', '.join(IN + condition for condition in CONDITIONS)}."
+        f"{', '.join(IN + condition for condition in CONDITIONS)}; of one hand of two, as in final_error_of_dominant, "
+        f"with {', '.join(OF + hand for hand in _HANDS)}."
     )
 
 
@@ -114,7 +133,30 @@ def preferred_among(names: Iterable[str], radius: float) -> str:
 
 def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
     """Return the value of each of ``metrics`` over all trials of ``record``, by name."""
-    return {metric.name: metric.value(record) for metric in metrics}
+    parts: dict[Part, TrialRecord | None] = {}  # each is picked once: that takes longer than most metrics
+    values = {}
+    for metric in metrics:
+        if metric.part not in parts:
+            parts[metric.part] = metric.part.of(record)
+        values[metric.name] = metric.value_in(parts[metric.part])
+    return values
+
+
+def _roles(task: Task) -> tuple[Role, ...]:
+    """What the hands do in a task."""
+    return ROLES if task.has_roles else (_KINDS[task.judged_by],)
+
+
+def _hands(task: Task) -> list[tuple[Side, Role | None]]:
+    """The hands of a task of two arms, by role where both have either."""
+    if task.n_arms == 1:
+        return []
+    return list(itertools.product(SIDES, ROLES if task.has_roles else (None,)))
+
+
+def _is_of(metric: Metric, role: Role | None) -> bool:
+    """Whether a metric is told by hand, in a role."""
+    return not metric.name.startswith(_OF_BOTH_HANDS) and (role is None or metric.part.role in (role, None))
 
 
 def _known(task: TaskLike) -> Task:
@@ -232,5 +274,6 @@ _TRIAL_METRICS: dict[str, Metric] = {metric.name: metric for metric in (
            "Sum of the rewards that stand for the non-dominant loss (paper section 4).",
            lambda record: mean(record.vector_return[:, 1])),
     *experiment_metrics.TRIAL_METRICS,
+    *two_arm_metrics.TRIAL_METRICS,
 )}
 # fmt: on

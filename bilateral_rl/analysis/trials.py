@@ -78,6 +78,7 @@ class Evaluator:
         arrays = self.record(policy, fields, deterministic)
         joint, activation = arrays.pop("joint_angle"), arrays.pop("activation")
         arrays.pop("joint_velocity", None)
+        settings = self._batch.settings
         return TrialRecord(
             **arrays,
             joint=joint,
@@ -86,7 +87,8 @@ class Evaluator:
             start_distance=self._batch.start_distance.copy(),
             vector_return=self._batch.vector_return.copy(),
             plan=self.plan,
-            arm=self._batch.settings.arm,
+            arm=settings.arm,
+            shoulder_distance=settings.two_arms.shoulder_distance if self._batch.task.n_arms > 1 else None,
         )
 
     def record(

@@ -50,22 +50,22 @@ class Evaluation:
         return self._labelled(pd.DataFrame(rows))
 
     def by_trial(self) -> pd.DataFrame:
-        """Return a row a network and trial, at the radius of the test's goal (:meth:`Run.evaluate`)."""
+        """Return a row a network and trial, of two arms and hand, at the radius of the test (:meth:`Run.evaluate`)."""
         radius = self.config.trial.threshold
         tables = [record.table(radius).assign(seed=seed) for seed, record in self.records.items()]
         return self._labelled(pd.concat(tables, ignore_index=True))
 
     def taken_apart(self, by: str) -> pd.DataFrame:
-        """Return a row a network and target, condition or phase, at the radius of the test (:meth:`Run.evaluate`)."""
+        """Return a row a network and part of the trials, at the radius of the test (:meth:`Run.evaluate`)."""
         tables = [breakdown(record, by, self.metrics).assign(seed=seed) for seed, record in self.records.items()]
         table = pd.concat(tables, ignore_index=True)
         return self._labelled(table[["seed", *(name for name in table if name != "seed")]])
 
     @property
     def metrics(self) -> list[Metric]:
-        """The metrics of the task, at the radius of the test, of all trials."""
+        """The metrics of the task, at the radius of the test, of all trials and hands."""
         found = metrics_of(self.config.make_task(), [self.config.trial.threshold])
-        return [metric for metric in found if metric.condition is None]
+        return [metric for metric in found if metric.condition is metric.hand is None]
 
     def _labelled(self, table: pd.DataFrame) -> pd.DataFrame:
         """Add what holds for every row: lesion, task, and settings other than the training's."""

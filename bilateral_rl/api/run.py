@@ -122,7 +122,7 @@ class Run:
         settings: Mapping[str, Any] | None = None,
         deterministic: bool = True,
         weights: str = FINAL,
-        by: Literal["seed", "trial", "target", "condition", "phase"] = "seed",
+        by: Literal["seed", "trial", "target", "condition", "phase", "hand", "role", "hand,role"] = "seed",
     ) -> pd.DataFrame:
         """Test the networks, and return their measures.
 
@@ -135,7 +135,7 @@ class Run:
             deterministic: whether policies act by the mean of their actions, without exploration.
             weights: "final", "best" or "step_…": which of the run's weights.
             by: "seed" for means over the trials, "trial" for a row a trial; of experiments also "target", "condition"
-                or "phase" (before and after the cue).
+                or "phase" (before and after the cue); of two arms "hand", "role" or "hand,role".
 
         Returns:
             By seed, a row for each network (``seed``) and radius of the goal (``threshold_m``: 2, 3 and 5 cm, and that
@@ -147,13 +147,18 @@ class Run:
             By trial, a row a trial at the radius of the test, in SI units: ``trial``, ``threshold_m``,
             ``goal_completion`` (0 or 1), ``speed_to_goal_m_per_step``, ``time_in_goal_steps``, ``final_error_m``,
             ``start_distance_m``, both returns, ``start_x_m``, ``target_x_m``, ``load_x_N`` and the same along y, of
-            experiments ``condition``, ``target_index`` and ``onset_step`` (of the cue or the jump), and ``seed``.
+            experiments ``condition``, ``target_index`` and ``onset_step`` (of the cue or the jump), and ``seed``. Of
+            two arms it is a row a hand, with ``hand`` ("dominant", "non_dominant") and ``role`` ("reach", "hold"), and
+            places and loads are in the frame of the body, whose midline is x = 0.
 
             By target or condition, a row a network and listed target (``target``, its index, and ``target_angle_deg``)
             or condition of the trials (``condition``: "field", "null_field", "channel", "no_go", "jump", "pulse", or
             several joined by "+"), with ``trials``, how many, and a column for every metric of the task, by its name
             and in its unit. By phase, ``phase`` ("hold" before the cue, "reach" from it on), ``trials``, ``error_cm``,
             ``speed_cm_per_s``, ``peak_speed_cm_per_s``, ``effort_per_s`` and ``force_N``, means over its steps.
+
+            By hand, by role, or by both, a row a network and ``hand``, or ``role``, with ``trials``, how many hands,
+            and a column for every metric of the task, NaN where it means nothing for the role.
 
             All end with ``lesion``, ``task`` and a column for each setting that is another than the run's. Trials
             without a cue count in no mean of what is reached.

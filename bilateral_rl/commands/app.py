@@ -172,7 +172,11 @@ def evaluate(
     overrides: TestSettings = None,
     by: Annotated[
         str | None,
-        typer.Option(metavar="WHAT", help="Take the trials apart: by target, condition, or phase.", show_default="not"),
+        typer.Option(
+            metavar="WHAT",
+            help="Take the trials apart: by target, condition, phase, hand, role, or hand,role.",
+            show_default="not",
+        ),
     ] = None,
     csv: Annotated[
         Path | None, typer.Option(help="Write one row a trial here, or what --by says; - is the terminal.")

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.markup import escape
 
 from bilateral_rl.analysis.breakdowns import check_breakdown
-from bilateral_rl.analysis.trial_records import TrialRecord, summaries
+from bilateral_rl.analysis.trial_records import TrialRecord, reported_radii, summaries
 from bilateral_rl.api import evaluation as api
 from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.parts_table import parts_table
-from bilateral_rl.commands.training_report import measures_table, sides_table
+from bilateral_rl.commands.training_report import print_measures, sides_table
 from bilateral_rl.commands.writing import apart_from, json_ready, write
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.policies.lesions import INTACT, lesion_words
@@ -71,7 +71,7 @@ def evaluate(
         _write(made, head, parts, csv, json_file)
     finally:
         title = "; ".join([f"{run} ({weights}), {trials} trials of seed {seed}", *_deviations(made)])
-        console.print(measures_table(made.records, made.config, title))
+        print_measures(made.records, made.config, title, console)
         if parts is not None:
             console.print(parts_table(parts, made.metrics, made.config.judged_by))
         if made.modulations:
@@ -102,6 +102,8 @@ def _write(
         threshold = made.config.trial.threshold
         by_seed = {seed: _by_threshold(record, threshold) for seed, record in made.records.items()}
         measures: dict[str, Any] = {"by_threshold_m": _means(list(by_seed.values())), "by_seed": by_seed}
+        if any(record.n_arms > 1 for record in made.records.values()):
+            measures["by_hand"] = list(_by_hand(made))
         if made.modulations:
             sides = {seed: modulation.measures() for seed, modulation in made.modulations.items()}
             measures["sides"] = {**_mean(list(sides.values())), "by_seed": sides}
@@ -112,6 +114,14 @@ def _write(
 
 def _by_threshold(record: TrialRecord, threshold: float) -> dict[str, dict[str, float]]:
     return {f"{radius:g}": values for radius, values in summaries(record, threshold).items()}
+
+
+def _by_hand(made: api.Evaluation) -> Iterator[dict[str, Any]]:
+    """Yield a row a seed, radius, hand and role."""
+    for seed, record in made.records.items():
+        for radius in reported_radii(made.config.trial.threshold):
+            for (hand, role), means in record.summaries_by_hand(radius).items():
+                yield {"seed": seed, "threshold_m": radius, "hand": hand, "role": role, **means}
 
 
 def _means(tables: Sequence[dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:

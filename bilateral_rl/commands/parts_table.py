@@ -1,4 +1,4 @@
-"""What trials come to by target, condition or phase, as a table that fits into the terminal."""
+"""What trials come to by target, condition, phase, hand or role, as a table that fits into the terminal."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ _SHOWN = (
     "final_error", "signed_deviation", "channel_compensation", "reaction_time", "jump_latency", "pulse_deviation",
 )  # fmt: skip
 """What is shown of the metrics that there are after the one that the task is judged by; files have all of them."""
+_SHOWN_OF_HANDS = ("final_error", "perpendicular_deviation_until_2cm", "hold_rms_error")
+"""The same of the hands of two arms."""
 _MOST = 3
 """So many of them fit into 80 columns."""
 _FINE = ("channel_compensation", "effort_per_s")
@@ -33,15 +35,17 @@ def parts_table(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) 
         metrics: those that it has columns for.
         judged_by: beginning of the name of the one that the task is judged by.
     """
-    by = next(name for name in ("target", "condition", "phase") if name in parts)
-    columns = _PHASE if by == "phase" else _chosen(parts, metrics, judged_by)
-    table = Table(by)
+    by = [name for name in ("target", "condition", "phase", "hand", "role") if name in parts]
+    columns = _PHASE if "phase" in by else _chosen(parts, metrics, judged_by)
+    table = Table(", ".join(by))
     table.columns[0].overflow = "fold"
     for words in ("trials", *columns.values()):
         table.add_column(words, justify="right", overflow="fold")
     for _, rows in parts.groupby(by, sort=False):
         first = rows.iloc[0]
-        name = f"{first['target']} ({first['target_angle_deg']:.0f}°)" if by == "target" else str(first[by])
+        name = ", ".join(str(first[label]).replace("_", "-") if label == "hand" else str(first[label]) for label in by)
+        if "target" in by:
+            name = f"{name} ({first['target_angle_deg']:.0f}°)"
         cells = (mean_sd(rows[column], 2 if column in _FINE else 1) for column in columns)
         table.add_row(name, str(first["trials"]), *cells)
     if (seeds := parts["seed"].nunique()) > 1:
@@ -53,5 +57,6 @@ def _chosen(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) -> d
     """Return the headings of the columns that are shown: those of which any part has a value."""
     by_name = {metric.name: metric for metric in metrics if parts[metric.name].notna().any()}
     judged = [name for name in by_name if name.startswith(judged_by)]
-    others = [name for name in _SHOWN if name in by_name]
+    of_hands = "hand" in parts or "role" in parts
+    others = [name for name in (_SHOWN_OF_HANDS if of_hands else _SHOWN) if name in by_name]
     return {name: with_unit(by_name[name]) for name in (*judged, *others[:_MOST])}

@@ -14,7 +14,7 @@ from rich.markup import escape
 from bilateral_rl.analysis.modulation import side_modulations
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.training import go_on, start
-from bilateral_rl.commands.training_report import measures_table, sides_line
+from bilateral_rl.commands.training_report import print_measures, sides_line
 from bilateral_rl.config.code_tasks import is_code
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.config.schema import TrainConfig
@@ -67,7 +67,7 @@ def _report(outcome: Outcome, console: Console, session: str = "") -> None:
     evaluator = Evaluator(config.make_task(), config.trial, SUMMARY_TRIALS, SUMMARY_SEED, config.device)
     learned = f"has learned ({minutes})" if session else f"learned in {minutes}"
     records = {seed: evaluator.run(policy) for seed, policy in outcome.policies.items()}
-    console.print(measures_table(records, config, f"What {config.model} {learned}, {SUMMARY_TRIALS} new trials"))
+    print_measures(records, config, f"What {config.model} {learned}, {SUMMARY_TRIALS} new trials", console)
     networks = {seed: policy.motor_network for seed, policy in outcome.policies.items()}
     if modulations := side_modulations(networks, records):
         console.print(sides_line(modulations), highlight=False, soft_wrap=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -16,7 +17,14 @@ from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.vocabulary import SIDES
 
 
-def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, title: str) -> Table:
+def print_measures(records: Mapping[int, TrialRecord], config: TrainConfig, title: str, console: Console) -> None:
+    """Print what trials of each seed's network came to; of two arms also what each hand did."""
+    console.print(_measures_table(records, config, title))
+    if any(record.n_arms > 1 for record in records.values()):
+        console.print(_hands_table(records, config))
+
+
+def _measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, title: str) -> Table:
     """Measures at every reported goal radius: of the one seed, or mean ± standard deviation over the seeds."""
     table = Table("goal radius", title=escape(title), title_justify="left")
     for column in ("goal completion", "speed to goal", "time in goal"):
@@ -38,6 +46,27 @@ def measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, titl
     )
     if len(records) > 1:
         table.caption += f"; mean ± standard deviation over {len(records)} seeds"
+    return table
+
+
+def _hands_table(records: Mapping[int, TrialRecord], config: TrainConfig) -> Table:
+    """What each of two hands does in its role, at the run's own goal: mean ± standard deviation over the seeds."""
+    radius = config.trial.threshold
+    table = Table("hand", "role", title=f"By hand and role, within {in_centimeters(radius)} cm", title_justify="left")
+    for column in ("goal completion", "speed to goal", "time in goal", "final error"):
+        table.add_column(column, justify="right")
+    of_seeds = [record.summaries_by_hand(radius) for record in records.values()]
+    for hand, role in of_seeds[0]:
+        values = [of_seed[hand, role] for of_seed in of_seeds]
+        reaches = role == "reach"
+        table.add_row(
+            hand.replace("_", "-"),
+            role,
+            f"{_spread(values, 'goal_completion_percent', 1)} %" if reaches else "–",
+            _speed_to_goal(values) if reaches else "–",
+            f"{_spread(values, 'time_in_goal_steps', 1)} steps",
+            f"{_spread(values, 'final_error_cm', 1)} cm",
+        )
     return table
 
 

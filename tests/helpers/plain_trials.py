@@ -56,3 +56,19 @@ def a_record(path, target, **plan) -> TrialRecord:
         arm=ArmParameters(),
     )  # fmt: skip
     return dataclasses.replace(record, plan=dataclasses.replace(record.plan, **plan))
+
+
+def two_hands() -> TrialRecord:
+    """Two trials of 10 steps: the dominant hand reaches along x in the first, and keeps its place in the second.
+
+    Reaches go 1 cm a step and are 1 cm off at their middle, holds are 1.5 cm off from the sixth step on.
+    """
+    path = np.zeros((11, 2))
+    path[:, 0] = np.arange(11) / 100
+    path[5, 1] = 0.01
+    still = np.zeros((11, 2))
+    still[6:, 1] = 0.015
+    hand = np.stack([path, still, still, path])
+    target = np.array([[0.0995, 0], [0, 0], [0, 0], [0.0995, 0]])
+    record = a_record(hand, target, trial=[0, 0, 1, 1], hand=[*SIDES] * 2)
+    return dataclasses.replace(record, shoulder_distance=0.36)

@@ -1,15 +1,17 @@
 """Trials taken apart, worked out by hand."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
-from plain_trials import a_record
+from plain_trials import a_record, two_hands
 
 from bilateral_rl.analysis.breakdowns import breakdown
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.envs.tasks import NEVER
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import SIDES
 
 METRICS = [find_metric("final_error"), find_metric("peak_speed")]
 
@@ -53,9 +55,26 @@ def test_by_phase_there_is_a_hold_before_the_cue_and_a_reach_after_it(record):
     assert table["force_N"].tolist() == pytest.approx([0, 2.5])
 
 
+def test_by_hand_and_role_there_is_a_row_for_each_that_there_is():
+    record = two_hands()
+    by_both = breakdown(record, "hand,role", METRICS)
+    assert list(by_both)[:3] == ["hand", "role", "trials"]
+    assert list(zip(by_both["hand"], by_both["role"], strict=True)) == [*itertools.product(SIDES, ("reach", "hold"))]
+    np.testing.assert_allclose(by_both["final_error"], [0.05, 1.5, 0.05, 1.5], atol=1e-5)
+    assert breakdown(record, "hand", METRICS)["trials"].tolist() == [2, 2]
+    by_role = breakdown(record, "role", [find_metric("goal_completion_5cm"), find_metric("hold_rms_error")])
+    assert by_role["role"].tolist() == ["reach", "hold"]
+    assert by_role["goal_completion_5cm"].isna().tolist() == by_role["hold_rms_error"].notna().tolist() == [False, True]
+
+
+def test_one_arm_has_no_hands_to_tell_apart(record):
+    with pytest.raises(UserError, match="--by hand,role tells two hands apart"):
+        breakdown(record, "hand,role", METRICS)
+
+
 def test_what_is_no_list_or_no_part_is_refused(record):
     plan = dataclasses.replace(record.plan, target_index=np.full(3, -1))
     with pytest.raises(UserError, match="no list"):
         breakdown(dataclasses.replace(record, plan=plan), "target", METRICS)
-    with pytest.raises(UserError, match="target, condition, phase, got 'hour'"):
+    with pytest.raises(UserError, match="hand,role, got 'hour'"):
         breakdown(record, "hour", METRICS)
