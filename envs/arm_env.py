@@ -120,16 +120,16 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
         self.batch = TrialBatch(task, settings_for(task, settings), n=1)
         self.settings = self.batch.settings
         self.metadata = self.metadata | {"render_fps": render_fps(self.settings.arm.timestep)}
-        low, high = self.settings.observation_bounds()
+        low, high = self.settings.observation_bounds(task.n_arms)
         self.observation_space = spaces.Box(low, high)
-        self.action_space = spaces.Box(-1.0, 1.0, (N_MUSCLES,))
+        self.action_space = spaces.Box(-1.0, 1.0, (task.n_arms * N_MUSCLES,))
         self._view = SceneView(self.batch, render_mode)
         self.render_mode = render_mode
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        places = _places_from_options({} if options is None else options)
+        places = _places_from_options({} if options is None else options, self.batch.n_arms)
         super().reset(seed=checked_seed(seed))
         draws = self.batch.draw(self.np_random)
         self.batch.start(_ARM, self._next_trial(places, draws.uniform), draws.noise)
@@ -139,7 +139,7 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     def _next_trial(self, places: Trials | None, uniform: NDArray[np.float64]) -> Trials:
         """Return the trial that is drawn, but at ``places`` if they are given."""
         task = self.batch.task
-        if places is not None and not (task.has_timeline or task.has_forces):
+        if places is not None and not (task.has_timeline or task.has_forces or task.n_arms > 1):
             return places
         drawn = task.trials(uniform, self.settings)
         if places is None:
@@ -154,7 +154,9 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
         truncated = clock == self.settings.trial_length
         info: dict[str, Any] = {
             "vector_reward": batch.vector_reward[0].copy(),
-            "distance": float(batch.distance[0, clock - 1]),
+            "distance": float(batch.distance[0, clock - 1])
+            if batch.n_arms == 1
+            else batch.distance[:, clock - 1].copy(),
         }
         if truncated:
             info |= final_infos(batch, _ARM)[0]
@@ -202,12 +204,12 @@ def with_time_limit(settings: dict[str, Any], max_episode_steps: int | None) -> 
     return settings | {"trial_length": max_episode_steps}
 
 
-def _places_from_options(options: dict[str, Any]) -> Trials | None:
+def _places_from_options(options: dict[str, Any], n_arms: int) -> Trials | None:
     """Return the start, goal and load that ``reset(options=...)`` describes; None without options.
 
     Raises:
         TypeError: no dictionary, or values that are no numbers.
-        ValueError: another option, no start, or values that are not two numbers.
+        ValueError: another option, no start, or values that are not two numbers for each arm.
     """
     if not isinstance(options, Mapping):
         raise TypeError(f"options must be a dictionary, got {type(options).__name__}.")
@@ -217,8 +219,9 @@ def _places_from_options(options: dict[str, Any]) -> Trials | None:
         given = ", ".join(map(str, options))
         raise ValueError(f"a trial is set by {', '.join(PLACES)}, 'start' always, got {given}.")
     values = {name: numbers(name, value) for name, value in options.items()}
+    shape, words = ((2,), "two finite numbers") if n_arms == 1 else ((2, 2), "two finite numbers for each of two arms")
     for name, value in values.items():
-        if value.shape != (2,) or not np.isfinite(value).all():
-            raise ValueError(f"{name} must be two finite numbers, got {shown(options[name])}.")
-    start = values["start"]
-    return Trials(start=start, goal=values.get("goal", start), load=values.get("load", np.zeros(2, dtype=np.float32)))
+        if value.shape != shape or not np.isfinite(value).all():
+            raise ValueError(f"{name} must be {words}, got {shown(options[name])}.")
+    start, no_load = values["start"], np.zeros(shape, dtype=np.float32)
+    return Trials(start=start, goal=values.get("goal", start), load=values.get("load", no_load))

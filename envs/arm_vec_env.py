@@ -67,14 +67,14 @@ class ArmVecEnv(RunningArms, VecEnv):
         task = make_task(task)
         self.batch = TrialBatch(task, settings_for(task, settings), n_envs, device)
         self.settings, n = self.batch.settings, self.batch.n
-        low, high = self.settings.observation_bounds()
-        super().__init__(n, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (N_MUSCLES,)))
+        low, high = self.settings.observation_bounds(task.n_arms)
+        super().__init__(n, spaces.Box(low, high), spaces.Box(-1.0, 1.0, (task.n_arms * N_MUSCLES,)))
         # After SB3 has put modes alone there, so that its VecVideoRecorder finds the rate.
         self.metadata |= {"render_fps": render_fps(self.settings.arm.timestep)}
         self._view = SceneView(self.batch, render_mode)
         self._arms = np.arange(n, dtype=np.int32)
         self._streams: TrialStreams | None = None
-        self._action = np.zeros((n, N_MUSCLES), dtype=np.float32)
+        self._action = np.zeros((n, task.n_arms * N_MUSCLES), dtype=np.float32)
         self._began = time.monotonic()
         if seed is not None:
             self.seed(seed)

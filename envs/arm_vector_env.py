@@ -75,9 +75,9 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         self._view = SceneView(self.batch, render_mode, MAX_DRAWN if render_mode == "human" else self.num_envs)
         self._streams: TrialStreams | None = None
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
-        low, high = self.settings.observation_bounds()
+        low, high = self.settings.observation_bounds(task.n_arms)
         self.single_observation_space = spaces.Box(low, high)
-        self.single_action_space = spaces.Box(-1.0, 1.0, (N_MUSCLES,))
+        self.single_action_space = spaces.Box(-1.0, 1.0, (task.n_arms * N_MUSCLES,))
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
@@ -176,19 +176,27 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         assert self._streams is not None
         self._streams.start(np.flatnonzero(arms).astype(np.int32))
 
+    def _distance(self) -> NDArray[np.float64]:
+        """Return the distances to the targets after the last step (m): (num_envs,), of two arms (num_envs, 2)."""
+        batch = self.batch
+        steps = np.repeat(batch.clock - 1, batch.n_arms)
+        distance = batch.distance[np.arange(batch.n_hands), steps].astype(float)
+        return distance if batch.n_arms == 1 else distance.reshape(-1, batch.n_arms)
+
     def _infos(self, moved: Mask) -> dict[str, Any]:
         """Return the infos of a step that ``moved`` made and the others did not, before trials begin anew."""
         batch, infos = self.batch, dict[str, Any]()
         if not moved.any():
             return infos
-        distance = batch.distance[np.arange(self.num_envs), batch.clock - 1].astype(float)
+        distance = self._distance()
         pairs = np.where(moved[:, None], batch.vector_reward, np.float32(0))
         infos |= {"vector_reward": pairs, "_vector_reward": moved.copy()}
-        infos |= {"distance": np.where(moved, distance, 0), "_distance": moved.copy()}
+        infos |= {"distance": np.where(moved.reshape(-1, *[1] * (distance.ndim - 1)), distance, 0)}
+        infos |= {"_distance": moved.copy()}
         over = np.flatnonzero(self._ended)
         for arm, final in zip(over.tolist(), final_infos(batch, over.astype(np.int32)), strict=True):
             if self._mode is AutoresetMode.SAME_STEP:
-                last = {"vector_reward": pairs[arm], "distance": float(distance[arm]), **final}
+                last = {"vector_reward": pairs[arm], "distance": distance[arm], **final}
                 final = {"final_obs": batch.observation[arm].copy(), "final_info": last}
             infos = self._add_info(infos, final, arm)
         return infos

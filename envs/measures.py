@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 STEPS_TO_COMPLETE = 3
 """Consecutive steps within the threshold that complete a reach."""
+_IN_INFOS = ("speed_to_goal", "time_in_goal", "final_error")
 
 
 class TrialMeasures(NamedTuple):
@@ -102,16 +103,21 @@ def _checked_onset(onset: ArrayLike, distance: NDArray[np.float64]) -> NDArray[n
 
 
 def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
-    """Return what the environments' infos say at the end of the trials of ``arms``, one dictionary an arm."""
-    onset = batch.onset[arms] if batch.task.has_timeline else None
-    measures = trial_measures(batch.distance[arms], batch.start_distance[arms], batch.settings.threshold, onset)
-    columns = {
-        "vector_return": list(batch.vector_return[arms]),
-        "is_success": measures.goal_completion.tolist(),
-        "speed_to_goal": measures.speed_to_goal.tolist(),
-        "time_in_goal": measures.time_in_goal.tolist(),
-        "final_error": measures.final_error.tolist(),
-    }
+    """Return what the environments' infos say at the end of the trials of ``arms``, one dictionary a trial.
+
+    Of two arms each measure is (2,), the dominant hand's first, and both hands complete their goals in a success.
+    """
+    hands = batch.hands(arms)
+    onset = batch.onset[hands] if batch.task.has_timeline else None
+    measures = trial_measures(batch.distance[hands], batch.start_distance[hands], batch.settings.threshold, onset)
+    columns: dict[str, list[Any]] = {"vector_return": list(batch.vector_return[arms])}
+    if batch.n_arms == 1:
+        columns["is_success"] = measures.goal_completion.tolist()
+        columns |= {name: getattr(measures, name).tolist() for name in _IN_INFOS}
+    else:
+        of_hands = {name: getattr(measures, name).reshape(-1, 2) for name in ("goal_completion", *_IN_INFOS)}
+        columns["is_success"] = of_hands["goal_completion"].all(axis=1).tolist()
+        columns |= {name: list(values) for name, values in of_hands.items()}
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 

@@ -100,11 +100,20 @@ class TrialSettings:
         )
         return proprioception, vision
 
-    def observation_bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the lowest and the highest observation, (16,) each; hand and target lie within the arm's reach."""
+    def observation_bounds(self, n_arms: int = 1) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the lowest and the highest observation: (16,) each, or (40,) of two arms, the dominant one first.
+
+        Hand and target lie within their arm's reach; x of the other arm's is seen mirrored, from its shoulder on.
+        """
         import numpy as np  # here alone, so that a configuration is read without it
 
-        reach = sum(self.arm.link_length)
-        high = [_MAX_NORMALIZED_LENGTH] * N_MUSCLES + [_MAX_NORMALIZED_VELOCITY] * N_MUSCLES + [reach] * 4
-        low = [0.0] * N_MUSCLES + [-_MAX_NORMALIZED_VELOCITY] * N_MUSCLES + [-reach] * 4
-        return np.array(low, dtype=np.float32), np.array(high, dtype=np.float32)
+        reach, apart = np.float32(sum(self.arm.link_length)), np.float32(self.two_arms.shoulder_distance)
+        own, other = (
+            [reach, reach],
+            [reach - apart, reach],
+        )  # in single precision, in which the other arm's are mirrored
+        below = [-reach - apart, -reach]
+        most, least = (own * 2, [-reach] * 4) if n_arms == 1 else ((own + other) * 2, ([-reach] * 2 + below) * 2)
+        high = [_MAX_NORMALIZED_LENGTH] * N_MUSCLES + [_MAX_NORMALIZED_VELOCITY] * N_MUSCLES + most
+        low = [0.0] * N_MUSCLES + [-_MAX_NORMALIZED_VELOCITY] * N_MUSCLES + least
+        return np.array(low * n_arms, dtype=np.float32), np.array(high * n_arms, dtype=np.float32)

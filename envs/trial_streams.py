@@ -1,4 +1,4 @@
-"""One random stream per arm, so that an arm's trials do not depend on how many arms there are."""
+"""One random stream per arm, or pair of arms, so that its trials do not depend on how many there are."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ class TrialStreams:
             self._uniform[arm] = draws.uniform
             self._next[arm] = 0
             if draws.noise is not None:
-                noise.append(draws.noise[0])
+                noise.append(draws.noise)
         uniform = self._uniform[arms, self._next[arms]]
         self._next[arms] += 1
         trials = self._batch.task.trials(uniform, self._batch.settings)
-        self._batch.start(arms, trials, np.stack(noise) if noise else None)
+        self._batch.start(arms, trials, np.concatenate(noise) if noise else None)

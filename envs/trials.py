@@ -1,4 +1,4 @@
-"""A batch of arms doing trials: the one thing that every environment face wraps."""
+"""A batch of trials, of one arm or two: the one thing that every environment face wraps."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
 from bilateral_rl.envs.arm.warp_start import known_device
 from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renewed, whole_number
@@ -16,7 +17,17 @@ from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.reward import step_weights
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task import Task, Trials
-from bilateral_rl.envs.trial_arrays import N_NOISE, OF_FORCES, OF_TIMELINE, Features, allocate, trial_rows, vec6
+from bilateral_rl.envs.trial_arrays import (
+    N_NOISE,
+    OF_FORCES,
+    OF_SPRING,
+    OF_TIMELINE,
+    Features,
+    allocate,
+    state_names,
+    trial_rows,
+    vec6,
+)
 from bilateral_rl.envs.trial_kernels import load_kernels, trial_kernels
 
 if TYPE_CHECKING:
@@ -29,55 +40,63 @@ MOST_ARMS = 1_000_000
 
 
 class Draws(NamedTuple):
-    """Random numbers of ``k`` trials of one arm, in the order in which its generator yields them."""
+    """Random numbers of ``k`` trials, one after the other, in the order in which their generator yields them."""
 
     uniform: NDArray[np.float64]
     """(k, n_uniform) in [0, 1)."""
     noise: NDArray[np.float64] | None
-    """(k, T + 1, 20) standard normal; None where the settings have no noise."""
+    """(k · arms, T + 1, 20) standard normal, with k = 1; None where the settings have no noise."""
 
 
 class TrialBatch:
-    """``n`` arms doing trials of ``task``, each with its own clock.
+    """``n`` trials of ``task`` at once, each of one arm, or of two, with a clock of its own.
 
     On a CPU every array below is a live view of the kernels' memory: copy what must outlive the next call. Writing into
     ``joint``, ``muscle``, ``target`` or ``load`` (``batch.load[:] = ...``) acts on the next step; ``observation`` and
     the sums follow then, and a timeline still changes the target when its time comes. On CUDA the arrays are copies
     that cannot be written into. No attribute can be replaced: the kernels know the memory, not the name.
 
-    Everything is checked here, before a kernel sees it. All arms are in no trial until :meth:`start` begins one.
+    What an arm has of its own is in arrays of ``h`` = n · arms rows, a trial's dominant arm before its non-dominant
+    one, and in the frame of that arm: the shoulder is at the origin and x points away from the midline, so that the
+    non-dominant arm is the mirror image (:mod:`bilateral_rl.envs.body_frame` leads to the frame of the body).
+
+    Everything is checked here, before a kernel sees it. No trial runs until :meth:`start` begins one.
 
     Args:
         task: the distribution of trials.
         settings: how they run; checked again, and copied.
-        n: number of arms.
+        n: number of trials at once.
         device: ``"cpu"`` or a CUDA device.
 
     Raises:
         TypeError: another kind of argument.
-        ValueError: no arm, a device that there is not, or settings outside their range.
+        ValueError: no trial, a device that there is not, or settings outside their range.
 
     Attributes:
-        observation: (n, 16) float32.
+        n_arms: arms of a trial, the task's.
+        n_hands: ``h``, arms of all trials.
+        observation: (n, 16) float32, or (n, 40) of two arms: 20 numbers that the dominant arm sees, then the other's.
         reward: (n,) float32, mean of the two streams.
         vector_reward: (n, 2) float32, dominant and non-dominant.
         vector_return: (n, 2) float32, sums since each trial's start.
-        distance: (n, T) float32, hand to target after each step (m); entries from a trial's clock on are stale.
-        start_distance: (n,) float32, hand to target when the present target began (m).
+        distance: (h, T) float32, hand to target after each step (m); entries from a trial's clock on are stale.
+        start_distance: (h,) float32, hand to target when the present target began (m).
         clock: (n,) int32, steps since each trial's start, read-only; T where a trial is over, or none has begun.
-        onset: (n,) int32, step at which the present target began, read-only: 0 without a timeline, T before the cue.
-        joint: (n, 4) float32, angles (rad) and velocities (rad/s).
-        muscle: (n, 7, 6) float32, rows as in :class:`~bilateral_rl.envs.arm.ArmState`.
-        hand, target: (n, 2) float32 (m); the target is the one that is seen now, which judges the next step.
-        load: (n, 2) float32, the constant part of the force on the hand (N).
-        force: (n, 2) float32, the whole force on the hand in the last step, read-only (N): load, fields, pulse and
-            walls; before the first step, the load.
-        excitation: (n, 6) float32, the last step's commands in [0, 1], before motor noise.
+        onset: (h,) int32, step at which the present target began, read-only: 0 without a timeline, T before the cue.
+        joint: (h, 4) float32, angles (rad) and velocities (rad/s).
+        muscle: (h, 7, 6) float32, rows as in :class:`~bilateral_rl.envs.arm.ArmState`.
+        hand, target: (h, 2) float32 (m); the target is the one that is seen now, which judges the next step.
+        load: (h, 2) float32, the constant part of the force on the hand (N).
+        force: (h, 2) float32, the whole force on the hand in the last step, read-only (N): load, fields, pulse, walls
+            and spring; before the first step, the load.
+        excitation: (h, 6) float32, the last step's commands in [0, 1], before motor noise.
     """
 
     task: Task
     settings: TrialSettings
     n: int
+    n_arms: int
+    n_hands: int
     device: str
     # What follows is also the list of what is copied from the device: see _OUTPUTS.
     observation: Float32
@@ -101,9 +120,11 @@ class TrialBatch:
     ) -> None:
         if not isinstance(task, Task):
             raise TypeError(f"task must be a Task, got {shown(task)}.")
-        settings, n, device = renewed(settings, TrialSettings), _n_arms(n), known_device(device)
+        settings, n, device = renewed(settings, TrialSettings), _n_trials(n), known_device(device)
         task.check(settings)
-        self.__dict__.update(task=task, settings=settings, n=n, device=device)
+        self.__dict__.update(
+            task=task, settings=settings, n=n, n_arms=task.n_arms, n_hands=n * task.n_arms, device=device
+        )
         self._n_uniform = whole_number("n_uniform of a task", task.n_uniform, 0)
         self._length = settings.trial_length
         self._steps_left = 0  # at most, of the arm that has most: what reads every clock is asked once a trial
@@ -113,9 +134,9 @@ class TrialBatch:
         load_kernels(self._kernels, device)
         self._p = kernel_parameters(settings.arm, wp.float32)
         *self._structs, self._arrays = allocate(settings, features, n, device)
-        self._state_names = (*_STATE, *OF_TIMELINE * features.timeline, *OF_FORCES * features.forces)
-        self._action = wp.zeros(n, dtype=vec6, device=device)
-        self._host_action = self._action.numpy()
+        self._state_names = (*_STATE, *state_names(features))
+        self._action = wp.zeros(self.n_hands, dtype=vec6, device=device)
+        self._host_action = self._action.numpy().reshape(n, -1)
         self._host_noise = self._arrays["noise"].numpy()
         self._noise_scale = np.array(settings.noise_scale)
         self._step_command = wp.launch(
@@ -128,22 +149,23 @@ class TrialBatch:
         self._fetch()
 
     def draw(self, generator: np.random.Generator, k: int = 1) -> Draws:
-        """Return the numbers of the next ``k`` trials of one arm (1 where noise is drawn between trials)."""
+        """Return the numbers of the next ``k`` trials from one generator (1 where noise is drawn between trials)."""
         if self.task.n_uniform != self._n_uniform:
             raise ValueError("n_uniform of a task cannot change while arms run: make a new environment.")
         if not self.settings.noisy:
             return Draws(generator.random((k, self._n_uniform)), None)
-        shape = (1, self._length + 1, N_NOISE)
+        shape = (self.n_arms, self._length + 1, N_NOISE)
         return Draws(generator.random((1, self._n_uniform)), generator.standard_normal(shape))
 
     def start(self, arms: NDArray[np.int32], trials: Trials, noise: NDArray[np.float64] | None = None) -> None:
-        """Begin the k ``trials`` on the k ``arms``, at rest; the other arms go on with theirs.
+        """Begin the k ``trials`` on the k ``arms``, or pairs of arms, at rest; the others go on with theirs.
 
         Args:
-            arms: (k,) whole numbers, each arm at most once.
+            arms: (k,) whole numbers from 0 to n - 1, each at most once.
             trials: arrays (k, 2), or a single row for all: postures within the joint limits (rad), and loads (N);
-                with a timeline and with forces where the task has them.
-            noise: (k, T + 1, 20) standard normal numbers, which the settings scale: of each step, fourteen for
+                with a timeline and with forces where the task has them. Of two arms (k, 2, 2), in the frame of the
+                body, with a spring.
+            noise: (k · arms, T + 1, 20) standard normal numbers, which the settings scale: of each step, fourteen for
                 what is sensed and six for the muscles. None where the settings have no noise.
 
         Raises:
@@ -173,25 +195,31 @@ class TrialBatch:
     def _set_noise(self, arms: NDArray[np.int32], noise: object) -> None:
         if noise is None and not self.settings.noisy:
             return
-        shape = (len(arms), self._length + 1, N_NOISE)
+        shape = (len(arms) * self.n_arms, self._length + 1, N_NOISE)
         if noise is None or not self.settings.noisy:
             raise ValueError(f"noise must be {f'{shape} normal numbers' if noise is None else 'None without noise'}.")
         normal = numbers("noise", noise)
         if normal.shape != shape or not np.isfinite(normal).all():
             raise ValueError(f"noise must be finite numbers of shape {shape}, got shape {normal.shape}.")
-        self._host_noise[arms] = normal * self._noise_scale
+        self._host_noise[self.hands(arms)] = normal * self._noise_scale
         if not self._on_cpu:
             self._arrays["noise"].assign(self._host_noise)
 
+    def hands(self, trials: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return the rows of the hands of ``trials`` (k,) in arrays of hands, (k · arms,)."""
+        if self.n_arms == 1:
+            return trials
+        return (trials[:, None] * self.n_arms + np.arange(self.n_arms)).astype(np.int32).ravel()
+
     def step(self, action: NDArray[np.float32]) -> None:
-        """Make one step of every arm under ``action`` (n, 6) in [-1, 1]; outside values act as the nearest bound.
+        """Make one step of every arm under ``action`` (n, 6 · arms) in [-1, 1]; other values act as the nearest bound.
 
         An arm that is in no trial stays as it is, and its rewards are 0.
 
         Raises:
             RuntimeError: no arm is in a trial.
             TypeError: no numbers.
-            ValueError: another shape (one arm also takes (6,)), or a number that is not finite.
+            ValueError: another shape (one trial also takes one row), or a number that is not finite.
         """
         if not self._steps_left:
             self._steps_left = self._length - int(self.clock.min())
@@ -203,7 +231,7 @@ class TrialBatch:
         self._host_action[:] = action
         self._steps_left -= 1
         if not self._on_cpu:
-            self._action.assign(self._host_action)
+            self._action.assign(self._host_action.reshape(-1, N_MUSCLES))
         self._step_command.launch()
         if not self._on_cpu:
             self._fetch()
@@ -272,12 +300,12 @@ class TrialBatch:
                 array.flags.writeable = False
 
 
-_FIXED = ("task", "settings", "n", "device")
+_FIXED = ("task", "settings", "n", "n_arms", "n_hands", "device")
 _KEPT = frozenset(TrialBatch.__annotations__)
 _OUTPUTS = tuple(name for name in TrialBatch.__annotations__ if name not in _FIXED)
 """Names of the batch's arrays, which are those of the kernels' struct: an array that is annotated is offered."""
 _READ_ONLY = ("clock", "onset", "force")
-_STATE = (*(name for name in _OUTPUTS if name not in OF_TIMELINE + OF_FORCES), "noise", "sensed")
+_STATE = (*(name for name in _OUTPUTS if name not in OF_TIMELINE + OF_FORCES + OF_SPRING), "noise", "sensed")
 """Names of the arrays that every saved state holds; those of timelines and forces follow where there are such."""
 
 
@@ -295,10 +323,11 @@ def check_array(name: str, array: NDArray[Any] | None, like: NDArray[Any]) -> No
 
 def _features(task: Task, settings: TrialSettings) -> Features:
     muscles, hand = settings.delays
-    return Features(task.has_timeline, task.has_forces, not settings.losses.is_of_the_paper, muscles != hand)
+    further = not settings.losses.is_of_the_paper
+    return Features(task.n_arms, task.has_timeline, task.has_forces, further, muscles != hand)
 
 
-def _n_arms(n: object) -> int:
+def _n_trials(n: object) -> int:
     number = whole_number("the number of arms", n, 0)
     if number < 1:
         raise ValueError(f"at least one arm is needed, got {number}.")
