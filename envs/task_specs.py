@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,8 @@ class TaskSpec:
     """The measure that says how well it is done: the share of goals completed, or the time spent in the goal."""
     n_arms: Literal[1, 2] = 1
     """How many arms it is for."""
+    trial: Mapping[str, Any] = field(default_factory=dict)
+    """Settings of trials that it has where nobody says otherwise."""
 
 
 TASK_SPECS: dict[str, TaskSpec] = {
@@ -45,6 +48,7 @@ TASK_SPECS: dict[str, TaskSpec] = {
         "reach with one hand while the other, tied to it by a spring, keeps its place",
         judged_by="goal_completion",
         n_arms=2,
+        trial={"two_arms": {"spring": {"stiffness": 50.0}}},
     ),
     "two_holds": TaskSpec(
         "bilateral_rl/TwoHolds-v0",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,9 @@ from bilateral_rl.envs.draws import draw_loads, springs, uniform_postures
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics, is_in_workspace
 from bilateral_rl.envs.stability import check_spring
 from bilateral_rl.envs.task import Task, Trials
+from bilateral_rl.envs.task_specs import TASK_SPECS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from bilateral_rl.envs.settings import TrialSettings
 
 Float32 = NDArray[np.float32]
@@ -81,7 +80,7 @@ class ReachAndHold(_TwoArmTask):
     has_load = False
     has_roles = True
     n_uniform = 7
-    trial: Mapping[str, Any] = {"two_arms": {"spring": {"stiffness": 50.0}}}
+    trial = TASK_SPECS["reach_and_hold"].trial
 
     def trials(self, uniform: Float64, settings: TrialSettings) -> Trials:
         n, arm, every = len(uniform), settings.arm, np.arange(len(uniform))

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from bilateral_rl.config.code_tasks import is_code
 from bilateral_rl.config.hyperparameters import (
     MOST_NUMBERS,
     NUMBERS_PER_STEP,
@@ -20,6 +21,8 @@ from bilateral_rl.config.hyperparameters import (
     OnPolicyHyperparameters,
 )
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.two_arms import TwoArmSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import GROUPS, stream_mix, stream_names
 
@@ -79,8 +82,12 @@ def check_trial(config: TrainConfig) -> None:
 
 
 def check_fit(config: TrainConfig) -> None:
-    """Raise a UserError for an experiment that cannot run on this arm, or in trials of this length."""
+    """Raise a UserError for a task that cannot run on these arms, or in trials of this length."""
+    if config.n_arms == 1 and config.trial.two_arms != TwoArmSettings() and not is_code(config.task):
+        raise UserError(f"trial.two_arms has no effect on {config.task}, whose trials have one arm: leave it out.")
     if config.experiment is None:
+        if config.task in TASK_SPECS and config.n_arms == 2:  # those of one arm run with any settings
+            _check_task(config)
         return
     from bilateral_rl.envs.experiments.checks import UnfitExperimentError, check_experiment  # numerical
 
@@ -89,6 +96,13 @@ def check_fit(config: TrainConfig) -> None:
     except UnfitExperimentError as error:
         where = "" if error.field.startswith("trial.") else "experiment."
         raise UserError(f"{where}{error}") from None
+
+
+def _check_task(config: TrainConfig) -> None:
+    try:
+        config.make_task().check(config.trial)
+    except ValueError as error:
+        raise UserError(f"{config.task} cannot run so: {error}") from None
 
 
 def check_updates(config: TrainConfig) -> None:

@@ -52,6 +52,8 @@ class TaskChoice:
         """Settings of trials that it has where nobody says otherwise."""
         if self.experiment is not None:
             return self.experiment.trial
+        if self.task in TASK_SPECS:
+            return TASK_SPECS[self.task].trial
         return code_task(self.task).trial if is_allowed(self.task) else {}
 
     @property

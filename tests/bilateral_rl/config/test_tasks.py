@@ -16,6 +16,7 @@ from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.vocabulary import SIDES
 
 MINE = """\
 start: {hand: [0.0, 0.4]}
@@ -98,6 +99,37 @@ def test_an_experiment_is_changed_by_settings(mine):
     assert (again.experiment.forces.curl, again.experiment.forces.field_off_share) == (10, 0.5)
     renamed = resolve("bptt", mine, [parse_overrides(["experiment.name=weak"])])
     assert (renamed.task, renamed.experiment.name) == ("weak", "weak")
+
+
+def test_an_experiment_of_two_arms_is_changed_arm_by_arm(tmp_path):
+    arm = "{start: {hand: [%s, 0.4]}, target: {center_out: {}}, forces: {curl: 5}}"
+    (tmp_path / "both.yaml").write_text(f"arms:\n  dominant: {arm % 0.2}\n  non_dominant: {arm % -0.2}\n")
+    both = tmp_path / "both.yaml"
+    config = resolve("bptt", both, [parse_overrides(["experiment.arms.dominant.forces.curl=10"])])
+    forces = [getattr(config.experiment.arms, side).forces.curl for side in SIDES]
+    assert forces == [10, 5]
+    assert (config.n_arms, config.network.units, config.blocks.every) == (2, 20, 10)
+    assert resolve(None, None, [config.to_values()]) == config
+    for setting, sentence in (
+        ("experiment.arms.dominant.forces.curl=2000", r"experiment\.arms\.dominant\.forces\.curl: a velocity field of"),
+        ("experiment.forces.curl=10", "experiment.forces must stand under arms"),
+        (
+            "experiment.arms.dominant.target.center_out.radius=0.5",
+            r"center_out: the position \[.*\[0\.18, 0\] m",
+        ),
+        ("trial.two_arms.spring.stiffness=5000", r"^trial\.two_arms\.spring: a spring of 5000 N/m"),
+    ):
+        with pytest.raises(UserError, match=sentence):
+            resolve("bptt", both, [parse_overrides([setting])])
+
+
+def test_tasks_of_two_arms_have_their_own_settings_of_trials():
+    assert resolve("bptt", "reach_and_hold").trial.two_arms.spring.stiffness == 50
+    assert resolve("bptt", "two_holds").trial.two_arms.spring.stiffness == 0
+    with pytest.raises(UserError, match="two_holds cannot run so: a spring of 5000 N/m"):
+        resolve("bptt", "two_holds", [parse_overrides(["trial.two_arms.spring.stiffness=5000"])])
+    with pytest.raises(UserError, match=r"trial\.two_arms has no effect on random_reach, whose trials have one arm"):
+        resolve("bptt", None, [parse_overrides(["trial.two_arms.spring.stiffness=50"])])
 
 
 def test_an_experiment_may_stand_in_a_file_of_settings():
