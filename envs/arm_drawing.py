@@ -85,7 +85,7 @@ class ArmScene(NamedTuple):
     role: Role | None = None
     """What the hand is to do where each of two has something of its own to do."""
     words: str = ""
-    """Words below the arm, where there are two."""
+    """What else is written below an arm with a role."""
 
     def joints(self, arm: ArmParameters) -> Points:
         """Return the positions (4, 2) of where the shoulder girdle begins, shoulder, elbow and hand (m)."""

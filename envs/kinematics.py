@@ -39,6 +39,14 @@ def hand_position(angles: ArrayLike, arm: ArmParameters) -> NDArray[np.float64]:
     )
 
 
+def hand_velocity(joint: ArrayLike, velocity: ArrayLike, arm: ArmParameters) -> NDArray[np.float32]:
+    """Return the velocity of the hand (…, 2) (m/s) from the joints' angles and velocities (…, 2) each (rad, rad/s)."""
+    angle, rate = np.cumsum(joint, axis=-1, dtype=np.float64), np.cumsum(velocity, axis=-1, dtype=np.float64)
+    speed = rate * np.asarray(arm.link_length)  # of each link's end about its beginning
+    across = np.stack([-np.sin(angle), np.cos(angle)], axis=-2)  # (…, axis, link)
+    return np.asarray((speed[..., None, :] * across).sum(axis=-1), dtype=np.float32)
+
+
 def inverse_kinematics(
     hand: ArrayLike, arm: ArmParameters, elbow: Literal["positive", "negative"] = "positive"
 ) -> NDArray[np.float64]:

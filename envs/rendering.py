@@ -25,6 +25,7 @@ from bilateral_rl.envs.arm_drawing import (
 from bilateral_rl.envs.canvas import INK, WHITE, Canvas, Points, View
 from bilateral_rl.envs.force_drawing import FORCE, draw_scale, draw_velocity_field
 from bilateral_rl.envs.spring_drawing import SPRING, SPRING_FORCE, SpringScene, draw_spring
+from bilateral_rl.vocabulary import SIDES
 
 VIEW_MARGIN = 1.13
 """Half the picture's side over the reach of a single arm; its shoulder is at the center."""
@@ -110,15 +111,16 @@ def _frames(canvas: Canvas, n_arms: int, shoulder_distance: float) -> list[Canva
 
 def _draw_words(canvas: Canvas, frame: Canvas, scene: ArmScene, look: Look) -> None:
     """Draw what stands below the arms: the signals, the velocity fields and, of two arms, which one is which."""
-    two = frame is not canvas
     aside = frame.outside((0.0, 0.0))[0]
     if scene.cue is not None:
         draw_signal(canvas, scene.cue, np.array((1.5 * aside, canvas.bottom + 0.045)), look)
     if scene.forces is not None:
-        left = canvas.right - 0.29 if aside > 0 else canvas.left + 0.03
+        left = canvas.right - 0.25 if aside > 0 else canvas.left + 0.03
         draw_velocity_field(frame, scene.forces, np.array((left, canvas.bottom + 0.105)))
-    if two:
-        for i, line in enumerate(scene.words.splitlines()):
+    if scene.role is not None:
+        side = SIDES[0] if aside > 0 else SIDES[1]
+        lines = (f"{side.replace('_', '-')} hand: {scene.role}", *scene.words.splitlines())
+        for i, line in enumerate(lines):
             canvas.text((2.4 * aside, -_WORDS_BELOW - i * _LINE_SPACING), line, look.goal)
 
 

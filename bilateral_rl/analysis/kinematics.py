@@ -8,11 +8,10 @@ looked for. A trial in which a measure has no meaning, or that holds a NaN, gets
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bilateral_rl.analysis.samples import Float64
 
@@ -188,16 +187,6 @@ def force_effort(excitation: ArrayLike, max_force: ArrayLike, timestep: float) -
     """
     force = _float(max_force)
     return effort(_float(excitation) * force / force.mean(), timestep)
-
-
-def hand_velocity(
-    joint: NDArray[np.float32], velocity: NDArray[np.float32], link_length: Sequence[float]
-) -> NDArray[np.float32]:
-    """Return the velocity of the hand (…, 2) (m/s) from the joints' angles and velocities (…, 2) each (rad, rad/s)."""
-    angle, rate = np.cumsum(joint, axis=-1, dtype=np.float64), np.cumsum(velocity, axis=-1, dtype=np.float64)
-    speed = rate * np.asarray(link_length)  # of each link's end about its beginning
-    across = np.stack([-np.sin(angle), np.cos(angle)], axis=-2)  # (…, axis, link)
-    return np.asarray((speed[..., None, :] * across).sum(axis=-1), dtype=np.float32)
 
 
 class _Reach(NamedTuple):

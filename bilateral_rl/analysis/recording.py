@@ -16,14 +16,14 @@ from torch import Tensor
 
 from bilateral_rl.analysis import recording_files
 from bilateral_rl.analysis.conditions import Conditions
-from bilateral_rl.analysis.kinematics import hand_velocity
 from bilateral_rl.analysis.modulation import contributions
+from bilateral_rl.analysis.recording_arms import by_arm
 from bilateral_rl.analysis.recording_fields import (
     CONTRIBUTION,
     FIELD_FORCE,
     HAND_VELOCITY,
     HIDDEN,
-    LABEL_FIELDS,
+    LABEL_NAMES,
     OBSERVATION,
     STEP,
     TIME,
@@ -32,6 +32,7 @@ from bilateral_rl.analysis.recording_fields import (
 )
 from bilateral_rl.analysis.trial_plans import TrialPlan
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
+from bilateral_rl.envs.kinematics import hand_velocity
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import NEVER
 from bilateral_rl.envs.trial_arrays import N_SENSED
@@ -86,12 +87,12 @@ class Recording:
     @property
     def labels(self) -> tuple[Field, ...]:
         """The fields that say which trial of which network this is."""
-        return tuple(field for field in self.fields if field in LABEL_FIELDS)
+        return tuple(field for field in self.fields if field.name in LABEL_NAMES)
 
     @property
     def quantities(self) -> tuple[Field, ...]:
         """The fields that are numbers of the trials, without the labels."""
-        return tuple(field for field in self.fields if field not in LABEL_FIELDS)
+        return tuple(field for field in self.fields if field.name not in LABEL_NAMES)
 
     def frame(self) -> pd.DataFrame:
         """Return a table with a row for each trial and moment, T + 1 a trial.
@@ -100,10 +101,18 @@ class Recording:
         a trial is NaN. Columns carry their unit, such as ``hand_x_m``.
         """
         moments, n = len(self.time), len(self)
-        labels = {field.name: np.repeat(self.arrays[field.name], moments) for field in self.labels}
+        labels = {name: np.repeat(values, moments) for name, values in self.label_columns().items()}
         clock = {"step": np.tile(np.arange(moments), n), "time_s": np.tile(self.time, n)}
         numbers = pd.DataFrame(self.rows().reshape(n * moments, -1), columns=self.columns())
         return pd.concat([pd.DataFrame(labels | clock), numbers], axis=1)
+
+    def label_columns(self) -> dict[str, NDArray[Any]]:
+        """Return the labels of each trial, (n,) each, by the names of their columns."""
+        columns: dict[str, NDArray[Any]] = {}
+        for field in self.labels:
+            values = self.arrays[field.name]
+            columns |= dict(zip(field.columns(values.shape), values.reshape(len(self), -1).T, strict=True))
+        return columns
 
     def columns(self) -> list[str]:
         """Return the names of the columns of :meth:`rows`."""
@@ -163,61 +172,81 @@ def record(
     """
     names = np.array(list(lesions))
     network = next(iter(policies.values())).motor_network
-    parts = list(_parts(trials, trials_at_once(network, conditions.settings)))
+    n_arms = network.n_arms
+    parts = list(_parts(trials, trials_at_once(network, conditions.settings), n_arms))
     evaluator = None
     for i, (number, policy) in itertools.product(range(len(names)), policies.items()):
         for first, n in parts:
             if evaluator is None or len(parts) > 1:
-                evaluator = Evaluator(conditions.config.make_task(), conditions.settings, n, seed + first)
+                evaluator = Evaluator(conditions.config.make_task(), conditions.settings, n, seed + first // n_arms)
             with policy.motor_network.lesioned(lesions[names[i]]):
                 arrays = _arrays(evaluator, policy, conditions.settings)
             labels = {"seed": np.full(n, number), "lesion": np.repeat(names[[i]], n), "trial": first + np.arange(n)}
-            if evaluator.plan.is_of_experiment:
-                plan = evaluator.plan
-                labels |= {"condition": plan.written_condition, "target_index": plan.target_index}
-            fields = tuple(f for f in fields_of(policy.motor_network) if f.name in labels | arrays)
-            yield Recording(fields, labels | arrays, conditions.settings.arm.timestep, metadata)
+            arrays = labels | arrays
+            fields = tuple(f for f in fields_of(policy.motor_network) if f.name in arrays)
+            if n_arms > 1:
+                fields = tuple(field.of_two_arms for field in fields)
+            yield Recording(fields, arrays, conditions.settings.arm.timestep, metadata)
 
 
 def trials_at_once(network: MotorNetwork, settings: TrialSettings) -> int:
     """Return how many trials are done at a time."""
-    numbers = settings.trial_length * (100 + network.layers * network.units) + max(settings.delays) * N_SENSED
+    numbers = (
+        settings.trial_length * (100 * network.n_arms + network.layers * network.units)
+        + max(settings.delays) * N_SENSED
+    )
     return max(1, min(TRIALS_AT_ONCE, NUMBERS_AT_ONCE // numbers))
 
 
-def _parts(trials: int, at_once: int) -> Iterator[tuple[int, int]]:
-    """Yield the first trial of each part, and how many there are in it."""
+def _parts(trials: int, at_once: int, n_arms: int) -> Iterator[tuple[int, int]]:
+    """Yield the first trial of each part, and how many there are in it: of two arms pairs that exchange the arms."""
+    at_once += -at_once % n_arms
     for first in range(0, trials, at_once):
         yield first, min(at_once, trials - first)
 
 
-def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) -> dict[str, Float32]:
+def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) -> dict[str, NDArray[Any]]:
     """Do the trials, and return every quantity by name, in the order of tables."""
     network = policy.motor_network
     fields = fields_of(network)
-    arrays = evaluator.record(policy, [f for f in fields if f != FIELD_FORCE or evaluator.has_forces])
+    arrays: dict[str, NDArray[Any]] = dict(
+        evaluator.record(policy, [f for f in fields if f != FIELD_FORCE or evaluator.has_forces])
+    )
     for name, values in arrays.items():
         if not np.isfinite(values).all():  # at its limits a joint stays where it is, however its velocity explodes
             raise NotFiniteError(f"These trials cannot be recorded: {name} leaves all bounds in the arm of trial.arm.")
-    observation = arrays[OBSERVATION.name]
-    arrays[HAND_VELOCITY.name] = hand_velocity(
-        arrays["joint_angle"], arrays["joint_velocity"], settings.arm.link_length
-    )
-    if evaluator.plan.is_of_experiment:
-        arrays |= _of_plan(evaluator.plan)
-    noise = evaluator.hidden_noise(network)
-    if network.hidden_layers(torch.from_numpy(observation[:1, :1])):
-        arrays[HIDDEN.name] = hidden_activity(network, observation, noise)
-    if isinstance(network, BilateralNetwork):
-        arrays[CONTRIBUTION.name] = np.stack(contributions(network, observation, noise), axis=2)
+    arrays[HAND_VELOCITY.name] = hand_velocity(arrays["joint_angle"], arrays["joint_velocity"], settings.arm)
+    arrays |= _of_plan(evaluator.plan, network.n_arms)
+    if network.n_arms > 1:
+        distance = settings.two_arms.shoulder_distance
+        each = [field for field in fields if field.of == "arm" and field.name in arrays]
+        arrays |= {field.name: by_arm(arrays[field.name], field, distance) for field in each}
+    arrays |= _of_network(network, arrays[OBSERVATION.name], evaluator.hidden_noise(network))
     return {field.name: arrays[field.name] for field in fields if field.name in arrays}
 
 
-def _of_plan(plan: TrialPlan) -> dict[str, Float32]:
-    """Return when the cue and the jump come, NaN for never, and the direction of the goal, (n,) each."""
+def _of_network(network: MotorNetwork, views: Float32, noise: Tensor | None) -> dict[str, Float32]:
+    """Return the hidden activity and the sides' contributions, as far as the network tells them."""
+    observation = views.reshape(*views.shape[:2], -1)  # of two arms side by side
+    arrays = {}
+    if network.hidden_layers(torch.from_numpy(observation[:1, :1])):
+        arrays[HIDDEN.name] = hidden_activity(network, observation, noise)
+    if isinstance(network, BilateralNetwork):
+        added = np.stack(contributions(network, observation, noise), axis=2)
+        each = (network.n_arms, -1) if network.n_arms > 1 else (-1,)
+        arrays[CONTRIBUTION.name] = added.reshape(*added.shape[:3], *each)
+    return arrays
+
+
+def _of_plan(plan: TrialPlan, n_arms: int) -> dict[str, NDArray[Any]]:
+    """Return what sets trials apart, (n,) each: of experiments with NaN for cues and jumps that never come."""
+    arrays: dict[str, NDArray[Any]] = {} if n_arms == 1 else {"role": plan.role}
+    if not plan.is_of_experiment:
+        return arrays
     steps = {"go": plan.go, "jump": plan.jump}
-    arrays = {name: np.where(step < NEVER, step, np.nan).astype(np.float32) for name, step in steps.items()}
-    return arrays | {"target_angle": plan.target_angle}
+    arrays |= {name: np.where(step < NEVER, step, np.nan).astype(np.float32) for name, step in steps.items()}
+    labels = {"condition": plan.written_condition, "target_index": plan.target_index}
+    return arrays | labels | {"target_angle": plan.target_angle}
 
 
 def hidden_activity(network: MotorNetwork, observation: Float32, noise: Tensor | None = None) -> Float32:

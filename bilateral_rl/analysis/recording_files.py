@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from bilateral_rl.analysis.recording_fields import LABEL_FIELDS, LABELS, STEP, TIME, TRIAL
+from bilateral_rl.analysis.recording_fields import LABEL_NAMES, LABELS, STEP, TIME, TRIAL
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 
@@ -98,10 +98,10 @@ def _write_csv(path: Path, parts: Iterable[Recording], n: int) -> None:
     with replacing(path) as temporary, replacing(side_file(path)) as beside:
         beside.write_text(json.dumps(description(first), indent=2) + "\n", encoding="utf-8")
         with temporary.open("w", encoding="utf-8", newline="") as file:
-            file.write(",".join([*(f.name for f in first.labels), "step", "time_s", *first.columns()]) + "\n")
+            file.write(",".join([*first.label_columns(), "step", "time_s", *first.columns()]) + "\n")
             clock = [f"{step},{time:.7g}," for step, time in enumerate(first.time)]
             for part in parts:
-                labels = zip(*(part[field.name].tolist() for field in first.labels), strict=True)
+                labels = zip(*(values.tolist() for values in part.label_columns().values()), strict=True)
                 for head, rows in zip(labels, part.rows(), strict=True):
                     file.write(_csv_lines(",".join(map(str, head)), clock, rows))
 
@@ -200,7 +200,7 @@ def _begin_netcdf(file: Any, first: Recording, n: int) -> None:
     for field in first.fields:
         variable = file.createVariable(field.name, _netcdf_type(first[field.name]), (TRIAL, *field.dims))
         variable.long_name = field.description
-        if field not in LABEL_FIELDS:
+        if field.name not in LABEL_NAMES:
             variable.units = field.unit or "1"
     for name, value in first.metadata.items():
         file.setncattr(name, value if isinstance(value, (str, int, float)) else json.dumps(value))

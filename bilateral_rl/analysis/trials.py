@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.type_aliases import PolicyPredictor
 from torch import Tensor
 
-from bilateral_rl.analysis import kinematics
 from bilateral_rl.analysis.recording_fields import (
     FIELD_FORCE,
     HAND_FORCE,
@@ -28,6 +27,7 @@ from bilateral_rl.analysis.recording_fields import (
 from bilateral_rl.analysis.trial_plans import TrialPlan, plan_of
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
+from bilateral_rl.envs.kinematics import hand_velocity
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import TaskLike, Trials, make_task
 from bilateral_rl.envs.trials import TrialBatch
@@ -158,8 +158,7 @@ class Evaluator:
         field = batch.task.field(self._drawn.uniform, batch.settings) if self.has_forces else None
         if field is None:
             return np.zeros_like(hand)
-        lengths = batch.settings.arm.link_length
-        velocity = kinematics.hand_velocity(arrays["joint_angle"], arrays["joint_velocity"], lengths)[:, :-1]
+        velocity = hand_velocity(arrays["joint_angle"], arrays["joint_velocity"], batch.settings.arm)[:, :-1]
         gains = (
             np.broadcast_to(field.velocity_gain, (batch.n, 2, 2)),
             np.broadcast_to(field.position_gain, (batch.n, 2, 2)),

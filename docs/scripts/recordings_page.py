@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bilateral_rl.analysis.recording_fields import EVERY_FIELD, LABEL_FIELDS, LABELS, Field
+from bilateral_rl.analysis.recording_fields import EVERY_FIELD, LABEL_FIELDS, LABELS, OF_TWO_ARMS, Field
 
 PAGE = Path(__file__).parents[1] / "recordings.md"
 MARK = "<!-- made by docs/scripts/recordings_page.py from the code: change that, and run it again -->\n"
@@ -21,7 +21,7 @@ CLOCK = (
 def page() -> str:
     """Return the page as it stands, with the table anew."""
     written, _, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
-    rows = [_row(field) for field in EVERY_FIELD]
+    rows = [_row(field.of_two_arms if field in OF_TWO_ARMS else field) for field in EVERY_FIELD]
     rows.insert(len(LABEL_FIELDS), CLOCK)  # after the labels, as in tables
     head = "| array | dimensions | unit | columns | what it is |\n|---|---|---|---|---|\n"
     return f"{written}{MARK}\n{head}{''.join(rows)}"

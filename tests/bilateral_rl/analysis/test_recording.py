@@ -209,4 +209,4 @@ def test_every_field_is_explained_and_named_once(make):
         assert field.description[0].islower()
     columns = make()[0].columns()
     assert len(set(columns)) == len(columns)
-    assert [field.name for field in LABEL_FIELDS] == ["seed", "lesion", "trial", "condition", "target_index"]
+    assert [field.name for field in LABEL_FIELDS] == ["seed", "lesion", "trial", "condition", "target_index", "role"]
