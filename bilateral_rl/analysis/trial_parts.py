@@ -14,7 +14,7 @@ from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.envs.tasks import HandForces
 
 _PER_STEP = ("seen_target", "force", "field_force", "distance", "observation", "excitation", "activation")
-_PER_MOMENT = ("joint", "hand")
+_PER_MOMENT = ("joint", "hand", "spring_force")
 
 
 def chosen(record: TrialRecord, rows: NDArray[np.bool_]) -> TrialRecord:
@@ -33,8 +33,9 @@ def cued(record: TrialRecord) -> TrialRecord:
 
 def since(record: TrialRecord, step: int) -> TrialRecord:
     """Return the same trials from the beginning of ``step`` on, as if they started there; the plan stays."""
-    names = (*_PER_STEP, *_PER_MOMENT)
-    return dataclasses.replace(record, **{name: getattr(record, name)[:, step:] for name in names})
+    values = {name: getattr(record, name) for name in (*_PER_STEP, *_PER_MOMENT)}
+    later = {name: array[:, step:] for name, array in values.items() if array is not None}
+    return dataclasses.replace(record, **later)
 
 
 def over_reaches(record: TrialRecord, measure: Callable[[TrialRecord], ArrayLike]) -> NDArray[np.float64]:

@@ -68,6 +68,9 @@ class TrialRecord:
     """The arm that moved; ``arm.timestep`` is the length of a step (s)."""
     shoulder_distance: float | None = None
     """Distance of the shoulders (m); None where there is one arm."""
+    spring_force: Float32 | None = None
+    """(n, T + 1, 2): force of the spring on the hand at the start and after each step, which acts in the next one (N);
+    None where there is one arm."""
 
     @property
     def n_arms(self) -> int:

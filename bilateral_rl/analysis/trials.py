@@ -19,6 +19,7 @@ from bilateral_rl.analysis.recording_fields import (
     HAND_FORCE,
     MEASURED,
     SEEN_TARGET,
+    SPRING_FORCE,
     STEP,
     TARGET,
     TIME,
@@ -75,6 +76,8 @@ class Evaluator:
             NotFiniteError: the policy's actions, or the arms' states, are not finite.
         """
         fields = [f for f in MEASURED if f.name != "joint_velocity" or self.has_forces]
+        if self._batch.n_arms > 1:
+            fields.append(SPRING_FORCE)
         arrays = self.record(policy, fields, deterministic)
         joint, activation = arrays.pop("joint_angle"), arrays.pop("activation")
         arrays.pop("joint_velocity", None)

@@ -16,7 +16,8 @@ from bilateral_rl.envs.canvas import tile
 from bilateral_rl.envs.force_drawing import HandForceScene
 from bilateral_rl.envs.forces import AffineForces, affine_forces
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.rendering import Scene, draw
+from bilateral_rl.envs.rendering import Scene, draw, picture_size
+from bilateral_rl.envs.spring_drawing import SpringScene
 from bilateral_rl.envs.tasks import NEVER
 
 PAUSE = 0.6
@@ -38,24 +39,46 @@ class Performance:
 
     def scene(self, trial: int, step: int, caption: str) -> Scene:
         """Return what there is to see after ``step`` steps of a trial; before the first, muscles are at rest."""
+        n = self.record.n_arms
+        rows = range(n * trial, n * (trial + 1))
+        words = [self.label, caption]
+        if n == 1:
+            words = [self.label, f"{caption}{self._condition(trial)}", self.goal(trial, step)]
+        distance = self.record.shoulder_distance or 0.0
+        arms = tuple(self._arm(row, step) for row in rows)
+        return Scene(arms, self.radius, "\n".join(words), distance, self._spring(rows[0], step))
+
+    def _arm(self, row: int, step: int) -> ArmScene:
         record = self.record
         rest = np.full(record.activation.shape[-1], record.arm.min_activation)
-        one = ArmScene(
-            angles=record.joint[trial, step],
-            activation=record.activation[trial, step - 1] if step else rest,
-            target=record.seen_target[trial, min(step, record.seen_target.shape[1] - 1)],
-            path=record.hand[trial, : step + 1],
-            load=record.load[trial],
-            forces=self._forces(trial, step),
-            cue=self._cue(trial, step),
+        has_role = record.n_arms > 1
+        return ArmScene(
+            angles=record.joint[row, step],
+            activation=record.activation[row, step - 1] if step else rest,
+            target=record.seen_target[row, min(step, record.seen_target.shape[1] - 1)],
+            path=record.hand[row, : step + 1],
+            load=record.load[row],
+            forces=self._forces(row, step),
+            cue=self._cue(row, step),
+            role=record.plan.role[row] if has_role else None,
+            words=f"{self.goal(row, step)}{self._condition(row)}" if has_role else "",
         )
-        words = f"{self.label}\n{caption}{self._condition(trial)}\n{self.goal(trial, step)}"
-        return Scene((one,), self.radius, words)
 
-    def goal(self, trial: int, step: int) -> str:
-        """Say how the trial stands after ``step`` steps, by the measures of ``evaluate`` (paper section 3)."""
-        onset, start = self._onset(trial, step)
-        distance = self.record.distance[trial, onset:]
+    def _spring(self, row: int, step: int) -> SpringScene | None:
+        """Return the spring on the dominant hand, which is in a ``row``, and the other one, if there is one."""
+        force = self.record.spring_force
+        if force is None or not force[row].any():
+            return None
+        start = self.record.body_positions(self.record.hand)[row : row + 2, 0]
+        return SpringScene(float(np.linalg.norm(start[1] - start[0])), force[row, step])
+
+    def goal(self, row: int, step: int) -> str:
+        """Say how a trial of one arm, or a hand of one of two, stands after ``step`` steps.
+
+        By the measures of ``evaluate`` (paper section 3).
+        """
+        onset, start = self._onset(row, step)
+        distance = self.record.distance[row, onset:]
         steps = step - onset
         so_far = trial_measures(distance[None, : max(steps, 1)], np.array([start]), self.radius)
         if start <= self.radius:
@@ -64,35 +87,37 @@ class Performance:
             return "goal reached"
         return "goal not reached" if steps == len(distance) else "goal not reached yet"
 
-    def _onset(self, trial: int, step: int) -> tuple[int, float]:
+    def _onset(self, row: int, step: int) -> tuple[int, float]:
         """Return the step at which the target began that is seen after ``step`` steps, and its distance then (m)."""
         record, plan = self.record, self.record.plan
-        began = max((int(at) for at in (plan.go[trial], plan.jump[trial]) if at <= step), default=0)
-        if began == plan.onset[trial]:
-            return began, float(record.start_distance[trial])
-        return began, float(np.linalg.norm(record.hand[trial, began] - record.seen_target[trial, began]))
+        began = max((int(at) for at in (plan.go[row], plan.jump[row]) if at <= step), default=0)
+        if began == plan.onset[row]:
+            return began, float(record.start_distance[row])
+        return began, float(np.linalg.norm(record.hand[row, began] - record.seen_target[row, began]))
 
-    def _condition(self, trial: int) -> str:
-        """Say what sets the trial apart, where trials are not all plain."""
+    def _condition(self, row: int) -> str:
+        """Say what sets a trial apart, where trials are not all plain."""
         conditions = self.record.plan.condition
-        if conditions[trial] != "null":
-            return f", {conditions[trial].replace('no_go', 'no cue').replace('+', ' + ')}"
+        if conditions[row] != "null":
+            return f", {conditions[row].replace('no_go', 'no cue').replace('+', ' + ')}"
         others = {part for joined in set(conditions.tolist()) for part in joined.split("+")}
         missing = [part for part in ("field", "jump", "pulse") if part in others]
         return f", no {' or '.join(missing)}" if missing else ""
 
-    def _forces(self, trial: int, step: int) -> HandForceScene | None:
+    def _forces(self, row: int, step: int) -> HandForceScene | None:
         record, forces = self.record, self._affine
         if forces is None:
             return None
-        force = record.force[trial, step - 1] - record.load[trial] if step else np.zeros(2, np.float32)
-        return HandForceScene(force, *(values[trial] for values in forces))
+        force = record.force[row, step - 1] - record.load[row] if step else np.zeros(2, np.float32)
+        if step and record.spring_force is not None:
+            force = force - record.spring_force[row, step - 1]
+        return HandForceScene(force, *(values[row] for values in forces))
 
-    def _cue(self, trial: int, step: int) -> CueScene | None:
+    def _cue(self, row: int, step: int) -> CueScene | None:
         plan = self.record.plan
         if not self._has_cues:
             return None
-        return CueScene.at(step, int(plan.go[trial]), int(plan.jump[trial]), plan.goal[trial])
+        return CueScene.at(step, int(plan.go[row]), int(plan.jump[row]), plan.goal[row])
 
     @property
     def has_extras(self) -> bool:
@@ -117,7 +142,7 @@ class Film:
     Args:
         performances: the same trials by each network.
         slow_down: seconds of video for a second of the arm's time.
-        size: width and height of a network's picture (pixels).
+        size: height of a network's picture, and the width of one of one arm (pixels).
     """
 
     performances: Sequence[Performance]
@@ -137,12 +162,14 @@ class Film:
     @property
     def trials(self) -> int:
         """Number of trials."""
-        return len(self._first.target)
+        return len(self._first.target) // self._first.n_arms
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of a picture (pixels): rows of networks, never more rows than columns."""
-        return self.size * math.ceil(len(self.performances) / self._columns), self.size * self._columns
+        first = self._first
+        width, height = picture_size(first.arm, first.n_arms, first.shoulder_distance or 0.0, self.size)
+        return height * math.ceil(len(self.performances) / self._columns), width * self._columns
 
     def __len__(self) -> int:
         """Number of pictures."""
