@@ -178,7 +178,7 @@ def record(
     for i, (number, policy) in itertools.product(range(len(names)), policies.items()):
         for first, n in parts:
             if evaluator is None or len(parts) > 1:
-                evaluator = Evaluator(conditions.config.make_task(), conditions.settings, n, seed + first // n_arms)
+                evaluator = Evaluator(conditions.config.make_task(), conditions.settings, n, seed + first)
             with policy.motor_network.lesioned(lesions[names[i]]):
                 arrays = _arrays(evaluator, policy, conditions.settings)
             labels = {"seed": np.full(n, number), "lesion": np.repeat(names[[i]], n), "trial": first + np.arange(n)}
@@ -217,17 +217,19 @@ def _arrays(evaluator: Evaluator, policy: MotorPolicy, settings: TrialSettings) 
             raise NotFiniteError(f"These trials cannot be recorded: {name} leaves all bounds in the arm of trial.arm.")
     arrays[HAND_VELOCITY.name] = hand_velocity(arrays["joint_angle"], arrays["joint_velocity"], settings.arm)
     arrays |= _of_plan(evaluator.plan, network.n_arms)
+    observation = arrays.pop(OBSERVATION.name)
     if network.n_arms > 1:
         distance = settings.two_arms.shoulder_distance
         each = [field for field in fields if field.of == "arm" and field.name in arrays]
         arrays |= {field.name: by_arm(arrays[field.name], field, distance) for field in each}
-    arrays |= _of_network(network, arrays[OBSERVATION.name], evaluator.hidden_noise(network))
+    arrays |= _of_network(network, observation, evaluator.hidden_noise(network))
+    each_view = (network.n_arms, -1) if network.n_arms > 1 else (-1,)
+    arrays[OBSERVATION.name] = observation.reshape(*observation.shape[:2], *each_view)
     return {field.name: arrays[field.name] for field in fields if field.name in arrays}
 
 
-def _of_network(network: MotorNetwork, views: Float32, noise: Tensor | None) -> dict[str, Float32]:
+def _of_network(network: MotorNetwork, observation: Float32, noise: Tensor | None) -> dict[str, Float32]:
     """Return the hidden activity and the sides' contributions, as far as the network tells them."""
-    observation = views.reshape(*views.shape[:2], -1)  # of two arms side by side
     arrays = {}
     if network.hidden_layers(torch.from_numpy(observation[:1, :1])):
         arrays[HIDDEN.name] = hidden_activity(network, observation, noise)

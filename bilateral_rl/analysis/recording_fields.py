@@ -123,10 +123,6 @@ def _muscle(row: int, batch: TrialBatch) -> Float32:
     return batch.muscle[:, row]
 
 
-def _views(batch: TrialBatch) -> Float32:
-    return batch.observation.reshape(len(batch.joint), -1)  # of two arms side by side
-
-
 def _distance(batch: TrialBatch) -> Float32:
     clock = int(batch.clock[0])  # all arms begin their trials together
     return batch.distance[:, clock - 1] if clock else batch.start_distance
@@ -166,7 +162,7 @@ OBSERVATION = Field(
     "observation", (STEP, "observed"), "",
     "what the policy saw when the step began, with noise and delay: muscle lengths (optimal lengths), muscle "
     "velocities (maximal velocities), hand and target (m)",
-    _views, before=True, frame="own")
+    attrgetter("observation"), before=True, frame="own")
 SEEN_TARGET = Field(
     "seen_target", (STEP, "axis"), "m",
     "position of the target that was seen when the step began, and by which the step is judged: until the go cue where "
