@@ -92,6 +92,16 @@ Trial i is the first trial of seed ``TEST_SEED + i``.
 """
 
 
+def path_names(n_arms: int) -> dict[str, tuple[int, Side]]:
+    """Return every path from a side to an arm, as the arm's number and the side, by the name that tables and logs use.
+
+    Of one arm that is the side's name; of two, first the arm's and then the side's: ``"dominant_arm/non_dominant"``.
+    """
+    if n_arms == 1:
+        return {side: (0, side) for side in SIDES}
+    return {f"{name}_arm/{side}": (arm, side) for arm, name in enumerate(SIDES) for side in SIDES}
+
+
 def stream_mix(loss: Loss) -> tuple[tuple[float, float], ...]:
     """Return, for each stream of ``loss``, its weights of the dominant and the non-dominant loss or reward.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bilateral_rl.policies.quantities import finite, switch, whole
-from bilateral_rl.vocabulary import SIDES, Side
+from bilateral_rl.vocabulary import SIDES, Side, path_names
 
 UNITS_PER_ARM = 10
 """Units of a hidden layer for each arm, over both sides, by default."""
@@ -90,8 +90,10 @@ def crossed(side: Side, ipsilateral_share: float) -> list[float]:
     return [1 - ipsilateral_share if arm == side else ipsilateral_share for arm in SIDES]
 
 
-def paths(n_arms: int, ipsilateral_share: float | None) -> frozenset[tuple[int, Side]]:
-    """Return every pair of the number of an arm and a hemisphere that has a part in its commands."""
-    return frozenset(
-        (arm, side) for arm in range(n_arms) for side in SIDES if n_arms == 1 or ipsilateral_share or side == SIDES[arm]
-    )
+def paths(n_arms: int, ipsilateral_share: float | None) -> dict[str, tuple[int, Side]]:
+    """Return the paths from a side to an arm that there are, by their names in ``path_names``."""
+    return {
+        name: (arm, side)
+        for name, (arm, side) in path_names(n_arms).items()
+        if ipsilateral_share != 0 or side == SIDES[arm]
+    }

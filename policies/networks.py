@@ -150,14 +150,7 @@ class BilateralNetwork(MotorNetwork):
 
         With two arms, the names are ``"dominant_arm/non_dominant"`` and so on, first the arm's and then the side's.
         """
-        if self.n_arms == 1:
-            return {side: float(self._weight(side, 0).detach()) for side in SIDES}
-        return {
-            f"{name}_arm/{side}": float(self._weight(side, arm).detach())
-            for arm, name in enumerate(SIDES)
-            for side in SIDES
-            if (arm, side) in self._paths
-        }
+        return {name: float(self._weight(side, arm).detach()) for name, (arm, side) in self._paths.items()}
 
     def available_lesions(self) -> tuple[str, ...]:
         """Return the names of the lesions that leave the callosum alone, for there is none."""
@@ -170,7 +163,7 @@ class BilateralNetwork(MotorNetwork):
 
     def _sends(self, side: Side, arm: int) -> bool:
         """Whether a side has a path to an arm, and no lesion that cuts it."""
-        return self.lesion.output_of != side and (arm, side) in self._paths
+        return self.lesion.output_of != side and (arm, side) in self._paths.values()
 
     def _combined(self, arm: int, activity: tuple[Tensor, Tensor]) -> Tensor:
         """Return what enters an arm's output layer (…, U/2), from the last hidden layers."""

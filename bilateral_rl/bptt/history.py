@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from bilateral_rl.analysis.modulation import TAGS
+from bilateral_rl.analysis.modulation import TAGS_OF
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.state import TrainingState
 from bilateral_rl.config.schema import BPTTConfig
@@ -53,4 +53,4 @@ def read_state(tensors: dict[str, Tensor], config: BPTTConfig, layout: Layout) -
 
 def _side_columns(layout: Layout) -> tuple[str, ...]:
     """Return the names of what the history holds about the sides, its last columns; there are none of one side."""
-    return tuple(TAGS) if layout.shape.sides == 2 else ()
+    return tuple(TAGS_OF[layout.shape.arms]) if layout.shape.sides == 2 else ()

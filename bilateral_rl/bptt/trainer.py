@@ -243,7 +243,7 @@ class Trainer:
             return []
         added = Contributions(*(side.cpu().numpy() for side in rollout.contributions(index)))
         with np.errstate(over="ignore", invalid="ignore"):  # a network may have failed
-            return list(modulation_of(added).measures().values())
+            return list(modulation_of(added, self.layout.shape.arms).measures().values())
 
     def _conclude_epoch(self, seeds: list[int], result: _EpochResult, validation: Tensor) -> None:
         """Write the epoch into the history, and settle which seeds failed or converged in it."""

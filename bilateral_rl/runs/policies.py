@@ -14,8 +14,7 @@ from torch import Tensor, nn
 
 from bilateral_rl.algorithms import ALGORITHM_CLASSES
 from bilateral_rl.config.hyperparameters import OffPolicyHyperparameters
-from bilateral_rl.config.schema import ActorCriticConfig, CriticsConfig, RLConfig, TrainConfig
-from bilateral_rl.envs.arm.parameters import N_MUSCLES
+from bilateral_rl.config.schema import ActorCriticConfig, CriticsConfig, NetworkConfig, RLConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.io.text import seed_range
@@ -43,18 +42,22 @@ def parse_run(text: str) -> tuple[RunFolder, int | None]:
 
 def build_network(config: TrainConfig) -> MotorNetwork:
     """Build a fresh network of the run's architecture and sizes, from torch's random state."""
-    low, _ = config.trial.observation_bounds()
-    network = config.network
-    sizes = network.units, network.layers, network.hidden_noise
-    return make_network(config.spec.architecture, len(low), N_MUSCLES, *sizes)
+    low, _ = config.trial.observation_bounds(config.n_arms)
+    return make_network(n_inputs=len(low), n_outputs=config.n_muscles, **_network_arguments(config))
+
+
+def _network_arguments(config: TrainConfig) -> dict[str, Any]:
+    """Return what says which network the run has, beside the numbers that it sees and commands."""
+    settings = {field.name: getattr(config.network, field.name) for field in dataclasses.fields(NetworkConfig)}
+    return {"architecture": config.spec.architecture, "n_arms": config.n_arms, **settings}
 
 
 def build_policy(config: TrainConfig) -> MotorPolicy:
     """Build an untrained policy of the run's architecture and sizes, on the CPU."""
-    low, high = config.trial.observation_bounds()
+    low, high = config.trial.observation_bounds(config.n_arms)
     return policy_class(config)(
         spaces.Box(low, high),
-        spaces.Box(-1.0, 1.0, (N_MUSCLES,)),
+        spaces.Box(-1.0, 1.0, (config.n_muscles,)),
         lr_schedule=lambda _: 0.0,
         n_streams=len(stream_mix(config.spec.loss)),
         **_critics_inputs(config),
@@ -71,11 +74,8 @@ def policy_class(config: TrainConfig) -> type[MotorPolicy]:
 def policy_arguments(config: TrainConfig) -> dict[str, Any]:
     """Return the keyword arguments of the run's policy, but for those that an algorithm gives it by itself."""
     network = config.network
-    arguments = {"architecture": config.spec.architecture} | dataclasses.asdict(
-        network
-        if isinstance(network, CriticsConfig)
-        else ActorCriticConfig(network.units, network.layers, network.hidden_noise)
-    )
+    of_critics = network if isinstance(network, CriticsConfig) else ActorCriticConfig()
+    arguments = dataclasses.asdict(of_critics) | _network_arguments(config)
     if isinstance(config, RLConfig) and isinstance(config.hyperparameters, OffPolicyHyperparameters):
         arguments["n_critics"] = config.hyperparameters.n_critics
     return arguments

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from bilateral_rl.analysis.comparison import compare
 from bilateral_rl.analysis.metrics import find_metric, metric_name, preferred_metric
-from bilateral_rl.analysis.modulation import Contributions, contributions
+from bilateral_rl.analysis.modulation import Contributions, contributions_in
 from bilateral_rl.analysis.results import protocol_words, protocols_in
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.analysis.trials import Evaluator
@@ -158,4 +158,4 @@ class _FirstSeed:
         network = policy.motor_network
         self.contributions: Contributions | None = None
         if isinstance(network, BilateralNetwork):
-            self.contributions = contributions(network, self.record.observation)
+            self.contributions = contributions_in(network, self.record)

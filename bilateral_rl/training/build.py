@@ -11,7 +11,6 @@ import numpy as np
 from bilateral_rl.algorithms import ALGORITHM_CLASSES, Hemispheric
 from bilateral_rl.config.schema import RLConfig
 from bilateral_rl.envs import ArmVecEnv
-from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.doors import arguments_for
 from bilateral_rl.io.threads import torch_threads
 from bilateral_rl.runs.policies import policy_arguments
@@ -47,7 +46,7 @@ def algorithm_arguments(config: RLConfig) -> dict[str, Any]:
     """Return the hyperparameters as the algorithm's constructor takes them."""
     hyperparameters = dataclasses.asdict(config.hyperparameters)
     algorithm = ALGORITHM_CLASSES[config.algo]
-    return algorithm.constructor_arguments(hyperparameters, config.timesteps, config.n_envs, N_MUSCLES)
+    return algorithm.constructor_arguments(hyperparameters, config.timesteps, config.n_envs, config.n_muscles)
 
 
 def _no_penalty(config: RLConfig) -> dict[str, Any]:

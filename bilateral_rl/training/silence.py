@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from bilateral_rl.analysis.modulation import SideModulation
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
-from bilateral_rl.vocabulary import Side, group_penalties
+from bilateral_rl.vocabulary import Side, group_penalties, path_names
 
 
 def silence_notes(modulation: SideModulation, weights: Mapping[str, float], config: TrainConfig) -> list[str]:
@@ -14,20 +14,26 @@ def silence_notes(modulation: SideModulation, weights: Mapping[str, float], conf
 
     Args:
         modulation: what the sides supply at the end.
-        weights: their combination weights, at the end.
+        weights: their combination weights, at the end, as ``MotorNetwork.combination_weights`` names them.
         config: of the training.
     """
-    return [_note(side, modulation, weights[side], config) for side in modulation.silent]
+    return [_note(side, modulation, weights, config) for side in modulation.silent]
 
 
-def _note(side: Side, modulation: SideModulation, weight: float, config: TrainConfig) -> str:
-    supplied = "it does not move the commands"
-    if modulation.modulation[side]:
-        supplied = f"it supplies {modulation.percent[side]:.1f} % of the commands' modulation"
-    why = ", as its combination weight is 0" if weight == 0 else ""
+def _note(side: Side, modulation: SideModulation, weights: Mapping[str, float], config: TrainConfig) -> str:
+    own = [path for path, (_, of) in path_names(modulation.n_arms).items() if of == side]
+    shares = [modulation.percent[path] for path in own if modulation.modulation[path]]
+    if not shares:
+        supplied = "it does not move the commands"
+    elif modulation.n_arms == 1:
+        supplied = f"it supplies {shares[0]:.1f} % of the commands' modulation"
+    else:
+        supplied = f"it supplies at most {max(shares):.1f} % of the modulation of either arm's commands"
+    why = ", as its combination weight is 0" if not any(weights.get(path) for path in own) else ""
+    trained = config.n_arms == 1 or config.network.trained_combination
     return (
-        f"The {side.replace('_', '-')} side is silent: {supplied}{why}. Tensorboard shows under contribution/ "
-        f"and combination/ since when{_cure(side, config)}."
+        f"The {side.replace('_', '-')} side is silent: {supplied}{why}. Tensorboard shows under contribution/"
+        f"{' and combination/' if trained else ''} since when{_cure(side, config)}."
     )
 
 

@@ -27,7 +27,7 @@ from bilateral_rl.training.blocks import blocks_of_run
 from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.learner import Diverged, Learner, Moment, Watcher
 from bilateral_rl.training.silence import silence_notes
-from bilateral_rl.vocabulary import SIDES
+from bilateral_rl.vocabulary import SIDES, path_names
 
 _BLOCKS = "blocks."
 """Prefix, in the state, of the blocks' part."""
@@ -153,11 +153,12 @@ class SupervisedLearner(Learner):
         if not state.epoch:
             return {}, False
         last = state.history[:, -1]
-        combination = self._layout.unpack(state.weights)
+        combination = self._combination()
         for i, seed in enumerate(self._seeds):
             if not last[i].isnan().all():
                 values = dict(zip(self._columns, last[i].tolist(), strict=True))
-                values |= {name: float(t[i]) for name, t in combination.items() if name.startswith("combination_")}
+                if self._config.n_arms == 1 or self._config.network.trained_combination:  # what is fixed is no news
+                    values |= {f"combination_{path}": weight for path, weight in combination[i].items()}
                 self._board.write(seed, state.epoch, values)
         means = dict(zip(self._columns, self._latest().nanmean(0).tolist(), strict=True))
         # The state itself keeps each seed's best weights.
@@ -202,12 +203,20 @@ class SupervisedLearner(Learner):
         if self._layout.shape.sides == 1:
             return []
         sentences = []
-        combination = self._layout.region(self._state.weights, "combination")  # (S, 2)
-        for seed, weights, row in zip(self._seeds, combination.tolist(), self._latest().tolist(), strict=True):
+        for seed, weights, row in zip(self._seeds, self._combination(), self._latest().tolist(), strict=True):
             modulation = SideModulation.from_measures(dict(zip(self._columns, row, strict=True)))
-            notes = silence_notes(modulation, dict(zip(SIDES, weights, strict=True)), self._config)
+            notes = silence_notes(modulation, weights, self._config)
             sentences += [f"Seed {seed}: {note}" if len(self._seeds) > 1 else note for note in notes]
         return sentences
+
+    def _combination(self) -> list[dict[str, float]]:
+        """Return the combination weights of each seed, as ``MotorNetwork.combination_weights`` names them."""
+        n_arms, seeds = self._layout.shape.arms, len(self._seeds)
+        if self._layout.shape.sides == 1:
+            return [{} for _ in range(seeds)]
+        weights = self._layout.region(self._state.weights, "combination").reshape(seeds, len(SIDES), n_arms).tolist()
+        paths = path_names(n_arms).items()
+        return [{path: of_seed[SIDES.index(side)][arm] for path, (arm, side) in paths} for of_seed in weights]
 
     def _newest(self) -> list[int]:
         """Return the indices of the seeds that were in the last epoch."""

@@ -2,6 +2,7 @@
 
 import math
 import statistics
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ import torch
 from bilateral_rl.analysis.modulation import (
     SILENT_PERCENT,
     TAGS,
+    TAGS_OF,
     Contributions,
     SideModulation,
     contributions,
+    contributions_in,
     modulation_of,
     side_modulation,
     side_modulations,
@@ -124,9 +127,44 @@ def test_a_side_is_silent_up_to_a_named_share_and_both_are_where_nothing_moves()
     assert of(math.nan, math.nan).silent == []  # not known
 
 
+def test_each_of_two_arms_has_shares_of_its_own():
+    network = make_network("callosal", 10, 6, 8, n_arms=2, ipsilateral_share=0.3)
+    added = contributions(network, np.random.default_rng(0).normal(size=(5, 4, 10)).astype(np.float32))
+    modulation = modulation_of(added, 2)
+    for name, muscles in (("dominant", slice(0, 3)), ("non_dominant", slice(3, 6))):
+        of_arm = modulation_of(Contributions(*(side[..., muscles] for side in added)))
+        for side in SIDES:
+            path = f"{name}_arm/{side}"
+            assert modulation.modulation[path] == of_arm.modulation[side]
+            assert modulation.constant[path] == of_arm.constant[side]
+            assert modulation.percent[path] == of_arm.percent[side]
+    assert modulation.measures().keys() == TAGS_OF[2].keys()
+    assert TAGS["contribution_percent_dominant_arm_non_dominant"] == "contribution_percent/dominant_arm/non_dominant"
+    assert SideModulation.from_measures(modulation.measures() | {"loss": 1.0}) == modulation
+
+
+def test_in_trials_of_two_arms_a_network_sees_both_hands_views_side_by_side():
+    network = make_network("callosal", 10, 6, 8, n_arms=2)
+    views = np.random.default_rng(0).normal(size=(6, 4, 5)).astype(np.float32)  # two hands of each of three trials
+    found = contributions_in(network, SimpleNamespace(observation=views))
+    expected = contributions(network, np.concatenate([views[0::2], views[1::2]], axis=2))
+    for side, of_trials in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(side, of_trials)
+
+
+def test_a_side_of_two_arms_is_silent_where_it_moves_neither():
+    def of(*numbers):
+        paths = [f"{arm}_arm/{side}" for arm in SIDES for side in SIDES]
+        return SideModulation(dict(zip(paths, numbers, strict=True)), dict.fromkeys(paths, 0.0)).silent
+
+    assert of(99.0, 1.0, 50.0, 50.0) == []
+    assert of(99.0, 1.0, 99.0, 1.0) == ["non_dominant"]
+    assert of(1.0, 99.0, 0.0, 0.0) == ["dominant"], "where neither moves an arm, that arm says nothing for it"
+
+
 def test_its_numbers_have_names_and_come_back_from_them():
     modulation = SideModulation({"dominant": 3.0, "non_dominant": 1.0}, {"dominant": 0.5, "non_dominant": 0.25})
-    assert list(modulation.measures()) == list(TAGS)
+    assert list(modulation.measures()) == list(TAGS_OF[1])
     assert {TAGS[name]: value for name, value in modulation.measures().items()} == {
         "contribution/dominant": 3.0,
         "contribution/non_dominant": 1.0,

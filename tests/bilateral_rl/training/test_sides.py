@@ -10,7 +10,7 @@ import torch
 from rl_runs import ALGORITHMS, curves, evaluations, small_rl
 from supervised_runs import scalars, table, with_values
 
-from bilateral_rl.analysis.modulation import TAGS, SideModulation, side_modulation
+from bilateral_rl.analysis.modulation import TAGS_OF, SideModulation, side_modulation
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.runs.folder import RunFolder
@@ -31,7 +31,7 @@ def test_every_evaluation_logs_what_each_side_supplies(whole_run, algo):
         load_policy(folder)
     )
     expected = side_modulation(load_policy(folder).motor_network, record).measures()
-    for name, tag in TAGS.items():
+    for name, tag in TAGS_OF[1].items():
         assert float(rows[-1][name]) == pytest.approx(expected[name], rel=1e-4)
         assert [step for step, _ in shown[tag]] == [int(row["timesteps"]) for row in rows]
         np.testing.assert_allclose([value for _, value in shown[tag]], [float(row[name]) for row in rows], rtol=1e-4)
@@ -54,7 +54,7 @@ def test_a_network_with_one_side_gets_none_of_it(tmp_path, small_bptt, algo):
 def without_sides(folder):
     """Make the evaluations of a run what version 0.2.0 would have written."""
     path = folder.path / "evaluations.csv"
-    pd.read_csv(path, dtype=str).drop(columns=list(TAGS)).to_csv(path, index=False, lineterminator="\n")
+    pd.read_csv(path, dtype=str).drop(columns=list(TAGS_OF[1])).to_csv(path, index=False, lineterminator="\n")
     folder.save_resume(folder.load_resume() | {"file.evaluations.csv": torch.tensor(path.stat().st_size)})
     return folder
 
@@ -75,7 +75,7 @@ def test_seeds_of_which_some_are_old_have_one_table(tmp_path, whole_run):
 def test_an_old_supervised_run_goes_on_with_the_bits_of_a_new_one(bptt_run, tmp_path, same_bits):
     old = RunFolder(shutil.copytree(bptt_run.path, tmp_path / "old"))
     state = old.load_resume()
-    old.save_resume(state | {"history": state["history"][..., : -len(TAGS)].contiguous()})
+    old.save_resume(state | {"history": state["history"][..., : -len(TAGS_OF[1])].contiguous()})
     longer = with_values(bptt_run.config(), epochs=8)
     for folder in (bptt_run, old):
         resume(folder, longer)
@@ -83,7 +83,7 @@ def test_an_old_supervised_run_goes_on_with_the_bits_of_a_new_one(bptt_run, tmp_
         assert same_bits(old.load_weights(name), bptt_run.load_weights(name))
     for seed, rows in table(bptt_run).items():
         for row, of_old in zip(rows, table(old)[seed], strict=True):
-            known = {name: value for name, value in row.items() if row["epoch"] > 6 or name not in TAGS}
+            known = {name: value for name, value in row.items() if row["epoch"] > 6 or name not in TAGS_OF[1]}
             assert {name: value for name, value in of_old.items() if not np.isnan(value)} == known
 
 
@@ -111,6 +111,17 @@ def test_a_silent_side_is_a_sentence_that_says_how_silent_why_and_what_to_do(alg
     assert cure in note
     (note,) = silence_notes(modulation(98.0, 0.0), WEIGHTS | {"non_dominant": 0.0}, config)
     assert "it does not move the commands, as its combination weight is 0." in note
+
+
+def test_a_side_that_moves_neither_of_two_arms_is_silent_and_fixed_weights_are_not_looked_for():
+    of_paths = {f"{arm}_arm/{side}": 1.0 for arm in SIDES for side in SIDES}
+    weak = of_paths | {"dominant_arm/non_dominant": 0.01, "non_dominant_arm/non_dominant": 0.02}
+    for trained, where in ((None, "contribution/ since when"), (True, "contribution/ and combination/ since when")):
+        config = resolve("ppo", "two_reaches", [{"network": {"trained_combination": trained}}])
+        assert silence_notes(SideModulation(of_paths, of_paths), of_paths, config) == []
+        (note,) = silence_notes(SideModulation(weak, of_paths), of_paths, config)
+        assert "it supplies at most 2.0 % of the modulation of either arm's commands" in note
+        assert where in note
 
 
 def test_a_smaller_penalty_is_no_advice_where_none_acts_on_the_side():

@@ -8,7 +8,7 @@ import torch
 from supervised_runs import Watch, contents, scalars, table, with_values
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from bilateral_rl.analysis.modulation import TAGS
+from bilateral_rl.analysis.modulation import TAGS_OF
 from bilateral_rl.bptt.trainer import Trainer
 from bilateral_rl.bptt.trials import epoch_order
 from bilateral_rl.io.errors import UserError
@@ -107,7 +107,7 @@ def test_tensorboard_shows_every_seed_as_a_run(tmp_path, small_bptt, model):
     }
     columns["loss/validation_loss"] = "validation_loss"
     sides = ("combination/dominant", "combination/non_dominant") if model == "cc_s" else ()
-    columns |= {tag: name for name, tag in TAGS.items()} if model == "cc_s" else {}
+    columns |= {tag: name for name, tag in TAGS_OF[1].items()} if model == "cc_s" else {}
     weights = folder.load_weights("final")
     for index, (seed, rows) in enumerate(table(folder).items()):
         shown = scalars(folder, seed)
