@@ -67,6 +67,8 @@ PARADIGMS: dict[str, str] = {
     "target_jump": "bilateral_rl/TargetJump-v0",
     "force_pulse": "bilateral_rl/ForcePulse-v0",
     "delayed_reach": "bilateral_rl/DelayedReach-v0",
+    "bimanual_reaches": "bilateral_rl/BimanualReaches-v0",
+    "bimanual_curl_field": "bilateral_rl/BimanualCurlField-v0",
 }
 """The experiments that ship, ``paradigms/<name>.yaml``, by name, and their names in Gymnasium."""
 EXPERIMENT_ID = "bilateral_rl/Experiment-v0"

@@ -22,8 +22,8 @@ TRIAL_LENGTHS = {name: ArmEnv(task).settings.trial_length for task, name in PARA
 """Of experiments, whose cues and pulses need their time."""
 
 
-def actions(n, seed=0):
-    return np.random.default_rng(seed).uniform(-1.2, 1.2, (n, 6)).astype(np.float32)
+def actions(n, seed=0, muscles=6):
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, (n, muscles)).astype(np.float32)
 
 
 def trial(env, commands, **reset):
@@ -63,7 +63,7 @@ def test_gymnasiums_wrappers_find_nothing_to_warn_about_in_a_whole_trial(name):
         warnings.simplefilter("error")
         env = gymnasium.make(name)
         length = env.unwrapped.settings.trial_length
-        steps = trial(env, actions(length), seed=0)
+        steps = trial(env, actions(length, muscles=env.action_space.shape[0]), seed=0)
         env.close()
     assert [truncated for *_, truncated, _ in steps] == [False] * length + [True]
     assert not any(terminated for _, _, terminated, _, _ in steps)

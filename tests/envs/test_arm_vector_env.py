@@ -106,9 +106,11 @@ def test_make_vec_makes_one_batch_and_warns_of_nothing(name):
     assert type(venv) is ArmVectorEnv
     assert venv.num_envs == N
     assert venv.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert venv.single_observation_space == ArmEnv().observation_space
-    assert venv.observation_space.shape == (N, 16)
-    assert venv.action_space.shape == (N, 6)
+    single = gymnasium.make(name)
+    assert venv.single_observation_space == single.observation_space
+    n_arms = single.unwrapped.batch.task.n_arms
+    assert venv.observation_space.shape == (N, {1: 16, 2: 40}[n_arms])
+    assert venv.action_space.shape == (N, 6 * n_arms)
 
 
 @each_setting

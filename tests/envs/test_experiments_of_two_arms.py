@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bilateral_rl.envs import ArmParameters, Experiment, ExperimentTask, TrialSettings, hand_position
+from bilateral_rl.envs import ArmParameters, ArmVecEnv, Experiment, ExperimentTask, TrialSettings, hand_position
 from bilateral_rl.envs.body_frame import in_body_frame
 from bilateral_rl.envs.doors import checked_trials
 from bilateral_rl.envs.experiments.standing import standing_arms
@@ -140,3 +140,18 @@ def test_a_condition_holds_for_each_hand_that_goes_somewhere():
     with pytest.raises(ValueError, match="channel needs a target"):
         experiment(stay, LEFT).with_condition("channel")
     assert experiment(stay, LEFT).measure == "time_in_goal"
+
+
+def test_arms_that_exchange_what_they_do_move_as_the_other_would():
+    pull = {"load": [-1, 2], "curl": 10, "elastic_field": {"stiffness": 30, "center": [0.2, 0.35]}}
+    of = {"right": RIGHT | {"forces": pull}, "left": LEFT}
+    spring = {"spring": {"stiffness": 50, "damping": 2}}
+    kept, swapped = (ArmVecEnv(4, experiment(**of, exchange=share), seed=0, two_arms=spring) for share in (0.0, 1.0))
+    commands = np.random.default_rng(0).uniform(-1, 1, (12, 4, 2, 6)).astype(np.float32)
+    for env, order in ((kept, slice(None)), (swapped, slice(None, None, -1))):
+        env.reset()
+        for command in commands[:, :, order]:
+            env.step(command.reshape(4, 12))
+    there, here = (env.batch.hand.reshape(4, 2, 2) for env in (swapped, kept))
+    np.testing.assert_allclose(there, here[:, ::-1], atol=1e-6)
+    assert np.linalg.norm(kept.batch.force, axis=-1).min() > 0.5

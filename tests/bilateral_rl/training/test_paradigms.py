@@ -45,7 +45,10 @@ def value(record, metric):
 
 
 def test_every_experiment_that_ships_is_looked_at_here():
-    assert {*PARADIGMS} <= {"center_out", "curl_field", "saddle_field", "target_jump", "force_pulse", "delayed_reach"}
+    assert {*PARADIGMS} <= {
+        "center_out", "curl_field", "saddle_field", "target_jump", "force_pulse", "delayed_reach",
+        "bimanual_reaches", "bimanual_curl_field",
+    }  # fmt: skip
 
 
 def test_center_out_paths_go_straight_to_the_right_targets(trials):
