@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bilateral_rl.envs import Task, Trials, TrialSettings
-from bilateral_rl.envs.tasks import NEVER, HandForces, Timeline
+from bilateral_rl.envs.task import NEVER, HandForces, Spring, Timeline
 
 RICH_SETTINGS: dict[str, Any] = {
     "length_noise": 0.01,
@@ -84,3 +84,30 @@ class Rich(Task):
             walls=channel * np.array([2000.0, 60.0]),
         )
         return Trials(start, goal, np.full((n, 2), (1.0, -2.0)), Timeline(go, jump, jump_goal), forces)
+
+
+@dataclass
+class RichPair(Task):
+    """What ``Rich`` is to one arm, to two: each is drawn as if it were alone, in the frame of the body."""
+
+    stiffness: float = 60.0
+    damping: float = 3.0
+
+    id = "rich_pair"
+    n_arms = 2
+    n_uniform = 2 * Rich.n_uniform
+    has_timeline = True
+    has_forces = True
+
+    def trials(self, uniform: Any, settings: TrialSettings) -> Trials:
+        arms = [Rich().trials(part, settings) for part in np.split(uniform, 2, axis=1)]
+        start, goal, load = (np.stack([arm[i] for arm in arms], axis=1) for i in range(3))
+        timelines, forces = ([getattr(arm, name) for arm in arms] for name in ("timeline", "forces"))
+        return Trials(
+            start,
+            goal,
+            load,
+            Timeline(*(np.stack(both, axis=1) for both in zip(*timelines, strict=True))),
+            HandForces(*(np.stack(both, axis=1) for both in zip(*forces, strict=True))),
+            Spring(np.full(len(uniform), self.stiffness), np.full(len(uniform), self.damping)),
+        )
