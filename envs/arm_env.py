@@ -156,7 +156,7 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
             "vector_reward": batch.vector_reward[0].copy(),
             "distance": float(batch.distance[0, clock - 1])
             if batch.n_arms == 1
-            else batch.distance[:, clock - 1].copy(),
+            else batch.distance[:, clock - 1].astype(float),
         }
         if truncated:
             info |= final_infos(batch, _ARM)[0]

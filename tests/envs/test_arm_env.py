@@ -1,6 +1,7 @@
 """The Gymnasium face: the checkers, determinism, ownership of what it returns, and the reward of the paper."""
 
 import copy
+import itertools
 import pickle
 import re
 import warnings
@@ -11,19 +12,22 @@ import pytest
 from arm_faces import SETTINGS, assert_same, each_setting
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 from one_arm_tasks import ONE_ARM_TASKS
-from rich_tasks import RICH_SETTINGS, Rich
+from rich_tasks import RICH_SETTINGS, Rich, RichPair
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmEnv, ArmVecEnv, ArmVectorEnv, TrialSettings
-from bilateral_rl.envs.task_specs import PARADIGMS
+from bilateral_rl.envs.task_specs import PARADIGMS, TASK_SPECS
+from bilateral_rl.envs.tasks import make_task
 
-IDS = [name for task, name in ENVIRONMENT_IDS.items() if task in (*ONE_ARM_TASKS, *PARADIGMS)]
+IDS = list(ENVIRONMENT_IDS.values())
+OF_TWO_ARMS = [name for task, name in ENVIRONMENT_IDS.items() if make_task(task).n_arms == 2]
+OF_ONE_ARM = [name for name in IDS if name not in OF_TWO_ARMS]
 TRIAL_LENGTHS = {name: ArmEnv(task).settings.trial_length for task, name in PARADIGMS.items()}
 """Of experiments, whose cues and pulses need their time."""
 
 
-def actions(n, seed=0, muscles=6):
-    return np.random.default_rng(seed).uniform(-1.2, 1.2, (n, muscles)).astype(np.float32)
+def actions(n, seed=0, arms=1):
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, (n, 6 * arms)).astype(np.float32)
 
 
 def trial(env, commands, **reset):
@@ -40,8 +44,11 @@ def arrays_in(value):
     return [a for v in value for a in arrays_in(v)] if isinstance(value, (tuple, list)) else []
 
 
-@pytest.mark.parametrize("name", IDS)
-@pytest.mark.parametrize("check", [gymnasium_check, sb3_check], ids=["gymnasium", "sb3"])
+each_check = pytest.mark.parametrize("check", [gymnasium_check, sb3_check], ids=["gymnasium", "sb3"])
+
+
+@pytest.mark.parametrize("name", OF_ONE_ARM)
+@each_check
 @each_setting
 def test_a_registered_environment_passes_the_checkers_without_a_warning(name, check, settings):
     env = gymnasium.make(name, trial_length=TRIAL_LENGTHS.get(name, 20), **settings)
@@ -50,11 +57,21 @@ def test_a_registered_environment_passes_the_checkers_without_a_warning(name, ch
         check(env.unwrapped)
 
 
-@pytest.mark.parametrize("check", [gymnasium_check, sb3_check], ids=["gymnasium", "sb3"])
-def test_an_environment_with_every_feature_passes_the_checkers_without_a_warning(check):
+@each_check
+@pytest.mark.parametrize("name", OF_TWO_ARMS)
+def test_an_environment_of_two_arms_passes_the_checkers_without_a_warning(name, check):
+    env = gymnasium.make(name, trial_length=TRIAL_LENGTHS.get(name, 20), **SETTINGS["noisy and delayed"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check(gymnasium.make(IDS[0], task=Rich(), trial_length=20, **RICH_SETTINGS).unwrapped)
+        check(env.unwrapped)
+
+
+@each_check
+@pytest.mark.parametrize("task", [Rich(), RichPair()], ids=["one arm", "two arms"])
+def test_an_environment_with_every_feature_passes_the_checkers_without_a_warning(task, check):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check(gymnasium.make(IDS[0], task=task, trial_length=20, **RICH_SETTINGS).unwrapped)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -63,7 +80,7 @@ def test_gymnasiums_wrappers_find_nothing_to_warn_about_in_a_whole_trial(name):
         warnings.simplefilter("error")
         env = gymnasium.make(name)
         length = env.unwrapped.settings.trial_length
-        steps = trial(env, actions(length, muscles=env.action_space.shape[0]), seed=0)
+        steps = trial(env, actions(length, arms=env.unwrapped.batch.n_arms), seed=0)
         env.close()
     assert [truncated for *_, truncated, _ in steps] == [False] * length + [True]
     assert not any(terminated for _, _, terminated, _, _ in steps)
@@ -85,20 +102,30 @@ def test_observations_stay_in_their_space_under_violent_commands():
 
 
 def test_the_stretched_and_the_folded_arm_lie_in_the_observation_space():
-    env = ArmEnv()
-    for posture in ((0.0, 0.0), (np.pi / 2, 0.0), (2.356, 2.705)):
+    env, pair = ArmEnv(), ArmEnv("two_reaches", two_arms={"shoulder_distance": 0.123})
+    postures = ((0.0, 0.0), (np.pi / 2, 0.0), (2.356, 2.705))
+    for posture, other in itertools.product(postures, postures):
         observation, _ = env.reset(options={"start": posture})
         assert env.observation_space.contains(observation), posture
+        observation, _ = pair.reset(options={"start": (posture, other)})
+        assert pair.observation_space.contains(observation), posture
 
 
 @pytest.mark.parametrize(
-    ("task", "settings"), list(zip([*ONE_ARM_TASKS, Rich()], SETTINGS.values(), strict=True)), ids=SETTINGS
+    ("task", "settings"),
+    [
+        *zip([*ONE_ARM_TASKS, Rich()], SETTINGS.values(), strict=True),
+        ("reach_and_hold", SETTINGS["noisy and delayed"]),
+        (RichPair(), RICH_SETTINGS),
+    ],
+    ids=[*SETTINGS, "two arms", "two rich arms"],
 )
 def test_the_same_seed_gives_the_same_trials(task, settings):
     one, two = ArmEnv(task, **settings), ArmEnv(task, **settings)
-    assert_same(trial(one, actions(50), seed=5), trial(two, actions(50), seed=5))
-    assert_same(trial(one, actions(50)), trial(two, actions(50)))
-    assert_same(trial(one, actions(50), seed=5), trial(one, actions(50), seed=5))
+    commands = actions(50, arms=one.batch.n_arms)
+    assert_same(trial(one, commands, seed=5), trial(two, commands, seed=5))
+    assert_same(trial(one, commands), trial(two, commands))
+    assert_same(trial(one, commands, seed=5), trial(one, commands, seed=5))
 
 
 def test_a_trial_cut_short_does_not_change_the_next():
@@ -230,12 +257,16 @@ def test_a_trial_ends_by_truncation_after_its_length(length):
         assert np.isnan(last["speed_to_goal"])
 
 
-@pytest.mark.parametrize("task", ONE_ARM_TASKS)
+@pytest.mark.parametrize("task", TASK_SPECS)
 def test_the_reward_is_minus_the_papers_losses(task):
     """Recomputed in NumPy from what the agent sees and does (paper section 4)."""
     env = ArmEnv(task)
-    for (observation, reward, _, _, info), action in zip(trial(env, actions(50), seed=1)[1:], actions(50), strict=True):
-        error = observation[12:14].astype(np.float64) - observation[14:16]
+    arms = env.batch.n_arms
+    own_target = slice(14, 16) if arms == 1 else slice(16, 18)
+    commands = actions(50, arms=arms)
+    for (observation, reward, _, _, info), action in zip(trial(env, commands, seed=1)[1:], commands, strict=True):
+        views = observation.reshape(arms, -1).astype(np.float64)
+        error = views[:, 12:14] - views[:, own_target]
         excitation = (np.clip(action.astype(np.float64), -1, 1) + 1) / 2
         cartesian_1, cartesian_2 = np.abs(error).mean(), np.square(10 * error).mean() / 10
         activation = np.square(excitation).mean()

@@ -6,9 +6,9 @@ import pickle
 
 import numpy as np
 import pytest
-from arm_faces import assert_same, each_setting
+from arm_faces import SETTINGS, assert_same, each_setting
 from one_arm_tasks import ONE_ARM_TASKS
-from rich_tasks import RICH_SETTINGS, Rich
+from rich_tasks import RICH_SETTINGS, Rich, RichPair
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
@@ -18,11 +18,15 @@ from bilateral_rl.envs import ArmEnv, ArmVecEnv
 
 LENGTH = 5
 MEASURES = ("is_success", "speed_to_goal", "time_in_goal", "final_error")
-each_task = pytest.mark.parametrize("task", [*ONE_ARM_TASKS, Rich()], ids=[*ONE_ARM_TASKS, "rich"])
+CASES = {
+    **{f"{task}, {name}": (task, settings) for task in (*ONE_ARM_TASKS, Rich()) for name, settings in SETTINGS.items()},
+    "two arms": ("reach_and_hold", SETTINGS["noisy and delayed"]),
+    "two rich arms": (RichPair(), RICH_SETTINGS),
+}
 
 
-def actions(steps, n, seed=0):
-    return np.random.default_rng(seed).uniform(-1.2, 1.2, (steps, n, 6)).astype(np.float32)
+def actions(steps, n, seed=0, arms=1):
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, (steps, n, 6 * arms)).astype(np.float32)
 
 
 def make(n, task="random_reach", seed=7, **settings):
@@ -58,14 +62,13 @@ def assert_arm_is_env(step, arm, vector_reward, env_step, next_observation):
         np.testing.assert_equal(infos[arm][name], info[name])
 
 
-@each_setting
-@each_task
+@pytest.mark.parametrize(("task", "settings"), CASES.values(), ids=map(str, CASES))
 def test_a_batch_is_so_many_single_environments_over_several_trials(task, settings):
     n = 4
     venv = ArmVecEnv(n, task, seed=7, trial_length=LENGTH, **settings)
     envs = [ArmEnv(task, trial_length=LENGTH, **settings) for _ in range(n)]
     np.testing.assert_array_equal(venv.reset(), [env.reset(seed=7 + i)[0] for i, env in enumerate(envs)])
-    for command in actions(4 * LENGTH + 2, n):
+    for command in actions(4 * LENGTH + 2, n, arms=venv.batch.n_arms):
         step = venv.step(command)
         for arm, env in enumerate(envs):
             alone = env.step(command[arm])
@@ -73,14 +76,15 @@ def test_a_batch_is_so_many_single_environments_over_several_trials(task, settin
             assert_arm_is_env(step, arm, venv.last_vector_reward, alone, next_observation)
 
 
-def test_an_arm_s_trials_do_not_depend_on_how_many_arms_there_are():
-    few, many = (ArmVecEnv(n, Rich(), seed=7, trial_length=LENGTH, **RICH_SETTINGS) for n in (2, 9))
+@pytest.mark.parametrize("task", [Rich(), RichPair()], ids=["one arm", "two arms"])
+def test_an_arm_s_trials_do_not_depend_on_how_many_arms_there_are(task):
+    few, many = (ArmVecEnv(n, task, seed=7, trial_length=LENGTH, **RICH_SETTINGS) for n in (2, 9))
     np.testing.assert_array_equal(few.reset(), many.reset()[:2])
-    for command in actions(4 * LENGTH, 9):
+    for command in actions(4 * LENGTH, 9, arms=task.n_arms):
         ours, theirs = few.step(command[:2]), many.step(command)
         for i in range(3):
             np.testing.assert_array_equal(ours[i], theirs[i][:2])
-        np.testing.assert_array_equal(few.batch.force, many.batch.force[:2])
+        np.testing.assert_array_equal(few.batch.force, many.batch.force[: few.batch.n_hands])
 
 
 def test_a_long_run_of_trials_is_the_single_environments():
@@ -145,6 +149,18 @@ def test_episode_times_do_not_run_backwards():
     assert times[0] >= 0
 
 
+def test_the_end_of_a_trial_of_two_arms_says_so_by_hand():
+    venv = make(3, "two_reaches")
+    infos = run(venv, actions(LENGTH, 3, arms=2))[-1][3]
+    for info in infos:
+        assert set(info) == {
+            "terminal_observation", "TimeLimit.truncated", "episode", "vector_return", "goal_completion", *MEASURES,
+        }  # fmt: skip
+        assert info["terminal_observation"].shape == (40,)
+        assert info["is_success"] is bool(info["goal_completion"].all())
+        assert {info[name].shape for name in MEASURES[1:]} == {(2,)}
+
+
 def test_returned_types_are_those_of_a_vecenv():
     venv = make(3)
     observations, rewards, dones, infos = venv.step(actions(1, 3)[0])
@@ -182,14 +198,17 @@ def test_resetting_in_the_middle_begins_the_next_trial_of_each_stream(settings):
     assert_same(run(cut, actions(2 * LENGTH, 2)), run(whole, actions(2 * LENGTH, 2)))
 
 
-@each_setting
-def test_copies_made_in_the_middle_of_a_trial_go_on_identically(settings):
-    venv = make(3, **settings)
-    run(venv, actions(LENGTH + 2, 3))
+@pytest.mark.parametrize(
+    ("task", "settings"), [*(("random_reach", settings) for settings in SETTINGS.values()), (RichPair(), RICH_SETTINGS)]
+)
+def test_copies_made_in_the_middle_of_a_trial_go_on_identically(task, settings):
+    venv = make(3, task, **settings)
+    arms = venv.batch.n_arms
+    run(venv, actions(LENGTH + 2, 3, arms=arms))
     unpickled, copied = pickle.loads(pickle.dumps(venv)), copy.deepcopy(venv)
-    expected = run(venv, actions(3 * LENGTH, 3, seed=1))
+    expected = run(venv, actions(3 * LENGTH, 3, seed=1, arms=arms))
     for twin in (unpickled, copied):
-        assert_same(expected, run(twin, actions(3 * LENGTH, 3, seed=1)))
+        assert_same(expected, run(twin, actions(3 * LENGTH, 3, seed=1, arms=arms)))
 
 
 def test_what_a_call_returned_is_never_changed_by_later_ones():

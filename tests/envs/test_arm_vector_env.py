@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from arm_faces import each_setting
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from one_arm_tasks import ONE_ARM_TASKS
-from rich_tasks import RICH_SETTINGS, Rich
+from rich_tasks import RICH_SETTINGS, Rich, RichPair
 
 from bilateral_rl.envs import ENVIRONMENT_IDS, ArmEnv, ArmVectorEnv
 from bilateral_rl.envs.task_specs import PARADIGMS
 
 LENGTH, N = 4, 3
-IDS = [name for task, name in ENVIRONMENT_IDS.items() if task in (*ONE_ARM_TASKS, *PARADIGMS)]
+IDS = list(ENVIRONMENT_IDS.values())
 each_id = pytest.mark.parametrize("name", IDS)
 SAME, NEXT, DISABLED = AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED
 each_mode = pytest.mark.parametrize("mode", [SAME, NEXT, DISABLED], ids=lambda mode: mode.value)
@@ -44,8 +43,8 @@ def one_by_one(name, mode=SAME, **settings):
     )
 
 
-def actions(steps):
-    return np.random.default_rng(0).uniform(-1, 1, (steps, N, 6)).astype(np.float32)
+def actions(steps, arms=1):
+    return np.random.default_rng(0).uniform(-1, 1, (steps, N, 6 * arms)).astype(np.float32)
 
 
 def assert_same_infos(ours, reference):
@@ -64,7 +63,7 @@ def assert_same_infos(ours, reference):
 def play(venv, steps=3 * LENGTH + 2, apart=False):
     """What an environment returns, step by step; ``apart`` starts arms anew at different times."""
     yield *venv.reset(seed=9), None, None, None
-    for k, command in enumerate(actions(steps)):
+    for k, command in enumerate(actions(steps, venv.single_action_space.shape[0] // 6)):
         if apart and k in (1, 2, 7):
             mask = np.arange(N) == k % N
             yield *venv.reset(options={"reset_mask": mask}, seed=[k, None, None] if k == 7 else None), None, None, None
@@ -98,7 +97,7 @@ def assert_same_play(ours, reference, mode, apart=False):
 def test_make_vec_makes_one_batch_and_warns_of_nothing(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        length = {} if name in IDS[:2] else {"trial_length": 130}  # what their cues and pulses need
+        length = {"trial_length": 130} if name in PARADIGMS.values() else {}  # what their cues and pulses need
         venv = batched(name, **length)
         venv.reset(seed=0)
         venv.step(venv.action_space.sample())
@@ -106,11 +105,12 @@ def test_make_vec_makes_one_batch_and_warns_of_nothing(name):
     assert type(venv) is ArmVectorEnv
     assert venv.num_envs == N
     assert venv.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    single = gymnasium.make(name)
-    assert venv.single_observation_space == single.observation_space
-    n_arms = single.unwrapped.batch.task.n_arms
-    assert venv.observation_space.shape == (N, {1: 16, 2: 40}[n_arms])
-    assert venv.action_space.shape == (N, 6 * n_arms)
+    with gymnasium.make(name, **length) as env:
+        assert venv.single_observation_space == env.observation_space
+        assert venv.single_action_space == env.action_space
+        arms = env.unwrapped.batch.n_arms
+    assert venv.observation_space.shape == (N, {1: 16, 2: 40}[arms])
+    assert venv.action_space.shape == (N, 6 * arms)
 
 
 @each_setting
@@ -122,9 +122,10 @@ def test_it_does_what_gymnasiums_vector_environment_of_single_arms_does_in_that_
 
 
 @each_mode
-def test_it_does_so_with_timelines_and_forces_too(mode):
-    ours = ArmVectorEnv(N, Rich(), autoreset_mode=mode, trial_length=LENGTH, **RICH_SETTINGS)
-    envs = [lambda: ArmEnv(Rich(), trial_length=LENGTH, **RICH_SETTINGS)] * N
+@pytest.mark.parametrize("task", [Rich(), RichPair()], ids=["one arm", "two arms"])
+def test_it_does_so_with_timelines_and_forces_too(mode, task):
+    ours = ArmVectorEnv(N, task, autoreset_mode=mode, trial_length=LENGTH, **RICH_SETTINGS)
+    envs = [lambda: ArmEnv(task, trial_length=LENGTH, **RICH_SETTINGS)] * N
     assert_same_play(ours, SyncVectorEnv(envs, autoreset_mode=mode), mode)
 
 

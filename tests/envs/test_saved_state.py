@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rich_tasks import RICH_SETTINGS, Rich
+from rich_tasks import RICH_SETTINGS, Rich, RichPair
 
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.generators import generator_states, set_generator_states
@@ -14,7 +14,9 @@ def make(**settings):
 
 def steps(venv, n, seed):
     """What comes back from ``n`` random actions of all arms."""
-    actions = np.random.default_rng(seed).uniform(-1, 1, (n, venv.num_envs, 6)).astype(np.float32)
+    actions = (
+        np.random.default_rng(seed).uniform(-1, 1, (n, venv.num_envs, *venv.action_space.shape)).astype(np.float32)
+    )
     seen = []
     for action in actions:
         observation, _, dones, infos = venv.step(action)
@@ -31,8 +33,9 @@ def steps(venv, n, seed):
         {"task": "hold_position"},
         {"task": Rich()},
         {"task": Rich(), **RICH_SETTINGS},
+        {"task": RichPair(), **RICH_SETTINGS},
     ],
-    ids=["plain", "noisy", "hold", "rich", "rich and noisy"],
+    ids=["plain", "noisy", "hold", "rich", "rich and noisy", "two arms"],
 )
 def test_a_restored_environment_goes_on_to_the_same_bits(settings):
     venv = make(**settings)
