@@ -131,6 +131,20 @@ class Task(ABC):
         """Raise a ValueError for settings that its trials cannot run with; by itself, a task has none such."""
         return
 
+    def is_symmetric(self, settings: TrialSettings) -> bool:
+        """Return whether a trial is as likely as the same one with both arms exchanged, each doing what the other did.
+
+        Tests then do every trial both ways, so that no hand has the easier ones; a task of two arms that is so may say
+        so, with all fields of its trials as arrays (n, 2, …).
+        """
+        return False
+
+    @property
+    def roles(self) -> frozenset[str]:
+        """What hands do in its trials, "reach", "hold", or both."""
+        of_all = "hold" if self.judged_by == "time_in_goal" else "reach"
+        return frozenset({"reach", "hold"} if self.has_roles else {of_all})
+
     @property
     def features(self) -> frozenset[str]:
         """Which of :data:`FEATURES` some of its trials may have, which says what can be measured in them."""

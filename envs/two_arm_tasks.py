@@ -35,6 +35,9 @@ class _TwoArmTask(Task):
 
     n_arms = 2
 
+    def is_symmetric(self, settings: TrialSettings) -> bool:
+        return not self.has_roles or settings.two_arms.roles == "drawn"
+
     def check(self, settings: TrialSettings) -> None:
         check_spring(springs(1, settings), settings.arm)
 

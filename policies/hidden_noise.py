@@ -22,10 +22,11 @@ class HiddenNoise:
     Args:
         std: standard deviation of the noise, in units of activity; 0 for none.
         shape: (layers · sides, width) of the network.
+        sides: of the network.
     """
 
-    def __init__(self, std: float, shape: tuple[int, int]) -> None:
-        self.std, self.shape = std, shape
+    def __init__(self, std: float, shape: tuple[int, int], sides: int = 1) -> None:
+        self.std, self.shape, self.sides = std, shape, sides
         self._generator: np.random.Generator | None = None
         self._trials: _TrialStreams | None = None
 
@@ -56,7 +57,7 @@ class HiddenNoise:
         self._generator = _generator(seed)
 
     @contextlib.contextmanager
-    def of_trials(self, seeds: Sequence[int]) -> Iterator[None]:
+    def of_trials(self, seeds: Sequence[int], exchanged: Sequence[bool] = ()) -> Iterator[None]:
         """Within a ``with`` block, draw from a stream for each sample, which begins there by its seed.
 
         So a trial of a test has the same noise each time, whatever trials it is done with, and the network's own stream
@@ -64,8 +65,10 @@ class HiddenNoise:
 
         Args:
             seeds: one for each of the samples of every :meth:`draw` within the block.
+            exchanged: for which of them the two sides exchange their noise, as where both arms are exchanged; for none
+                by itself.
         """
-        before, self._trials = self._trials, _TrialStreams(seeds, self.shape)
+        before, self._trials = self._trials, _TrialStreams(seeds, self.shape, self.sides, exchanged)
         try:
             yield
         finally:
@@ -75,8 +78,11 @@ class HiddenNoise:
 class _TrialStreams:
     """A stream for each trial, so that its noise is the same whichever trials it is done with."""
 
-    def __init__(self, seeds: Sequence[int], shape: tuple[int, int]) -> None:
-        self._seeds, self._shape = seeds, shape
+    def __init__(
+        self, seeds: Sequence[int], shape: tuple[int, int], sides: int = 1, exchanged: Sequence[bool] = ()
+    ) -> None:
+        self._seeds, self._shape, self._sides = seeds, shape, sides
+        self._exchanged = np.flatnonzero(exchanged)
         self._generators: list[np.random.Generator] = []  # made when the first is needed, as most networks need none
         self._block: NDArray[np.float32] = np.empty((len(seeds), 0, *shape), dtype=np.float32)
         self._step = 0
@@ -88,6 +94,9 @@ class _TrialStreams:
         self._generators = self._generators or [_generator(seed) for seed in self._seeds]
         if self._step == self._block.shape[1]:
             self._block = np.stack([_draw(one, (_BLOCK, *self._shape)) for one in self._generators])
+            if len(self._exchanged):
+                by_side = self._block.reshape(len(self._seeds), _BLOCK, -1, self._sides, self._shape[1])
+                by_side[self._exchanged] = by_side[self._exchanged, :, :, ::-1]
             self._step = 0
         self._step += 1
         return self._block[:, self._step - 1]

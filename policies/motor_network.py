@@ -69,7 +69,7 @@ class MotorNetwork(nn.Module, ABC):
             self.architecture, self.sides, self.n_arms, ipsilateral_share, trained_combination
         )
         self.lesion = NO_LESION
-        self.noise = HiddenNoise(finite("hidden_noise", hidden_noise, 0.0), self.hidden_shape)
+        self.noise = HiddenNoise(finite("hidden_noise", hidden_noise, 0.0), self.hidden_shape, self.sides)
         self._build()
 
     def _build(self) -> None:

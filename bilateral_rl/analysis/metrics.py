@@ -144,14 +144,14 @@ def measure(record: TrialRecord, metrics: Iterable[Metric]) -> dict[str, float]:
 
 def _roles(task: Task) -> tuple[Role, ...]:
     """What the hands do in a task."""
-    return ROLES if task.has_roles else (_KINDS[task.judged_by],)
+    return tuple(role for role in ROLES if role in task.roles)
 
 
 def _hands(task: Task) -> list[tuple[Side, Role | None]]:
     """The hands of a task of two arms, by role where both have either."""
     if task.n_arms == 1:
         return []
-    return list(itertools.product(SIDES, ROLES if task.has_roles else (None,)))
+    return list(itertools.product(SIDES, ROLES if len(task.roles) > 1 else (None,)))
 
 
 def _is_of(metric: Metric, role: Role | None) -> bool:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import contextlib
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import torch
-from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from stable_baselines3.common.type_aliases import PolicyPredictor
 from torch import Tensor
 
+from bilateral_rl.analysis.both_ways import DrawnTrials, draw, fields_of_hands, hand_rows, target_indices, trial_seeds
 from bilateral_rl.analysis.recording_fields import (
     FIELD_FORCE,
     HAND_FORCE,
@@ -27,10 +26,10 @@ from bilateral_rl.analysis.recording_fields import (
 )
 from bilateral_rl.analysis.trial_plans import TrialPlan, plan_of
 from bilateral_rl.analysis.trial_records import TrialRecord
-from bilateral_rl.envs.doors import checked_trials, numbers, whole_number
+from bilateral_rl.envs.doors import numbers
 from bilateral_rl.envs.kinematics import hand_velocity
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import TaskLike, Trials, make_task
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
@@ -44,17 +43,21 @@ class NotFiniteError(UserError, ValueError):
 
 
 class Evaluator:
-    """The same trials, again and again: arm i does the first trial of seed ``seed + i``.
+    """The same trials, again and again: trial i is the first trial of seed ``seed + i``.
+
+    Of two arms that holds for even i, and the next trial is the same with the arms exchanged, noise included, so that
+    no hand has the easier trials: each hand does every part in them. A task whose hands do not have the same chances,
+    as where a setting says which one reaches, has no such trials.
 
     Args:
         task: id of the task, or the task.
         settings: how trials run.
-        trials: number of trials.
+        trials: number of trials; an even one where arms are exchanged.
         seed: seed of the first trial.
         device: where the arms are simulated, "cpu" or a CUDA device.
 
     Raises:
-        ValueError: an unknown task or device, or a number below its least one.
+        ValueError: an unknown task or device, a number below its least one, or an odd number of trials.
         TypeError: settings or numbers of another kind.
     """
 
@@ -62,8 +65,7 @@ class Evaluator:
         self, task: TaskLike, settings: TrialSettings, trials: int, seed: int, device: str | torch.device = "cpu"
     ) -> None:
         self._batch = TrialBatch(make_task(task), settings, trials, device)
-        first = whole_number("seed", seed, 0)
-        self._seeds = [first + i for i in range(self._batch.n)]
+        self._seeds, self._exchanged = trial_seeds(self._batch.task, self._batch.settings, self._batch.n, seed)
 
     def run(self, policy: PolicyPredictor, deterministic: bool = True) -> TrialRecord:
         """Do every trial once.
@@ -81,23 +83,27 @@ class Evaluator:
         arrays = self.record(policy, fields, deterministic)
         joint, activation = arrays.pop("joint_angle"), arrays.pop("activation")
         arrays.pop("joint_velocity", None)
-        settings = self._batch.settings
+        settings, n_arms = self._batch.settings, self._batch.n_arms
+        arrays["observation"] = views(arrays["observation"], n_arms)
         return TrialRecord(
             **arrays,
             joint=joint,
             activation=activation[:, 1:],
             distance=self._batch.distance.copy(),
             start_distance=self._batch.start_distance.copy(),
-            vector_return=self._batch.vector_return.copy(),
+            vector_return=np.repeat(self._batch.vector_return, n_arms, axis=0),
             plan=self.plan,
             arm=settings.arm,
-            shoulder_distance=settings.two_arms.shoulder_distance if self._batch.task.n_arms > 1 else None,
+            shoulder_distance=settings.two_arms.shoulder_distance if n_arms > 1 else None,
         )
 
     def record(
         self, policy: PolicyPredictor, fields: Sequence[Field], deterministic: bool = True
     ) -> dict[str, Float32]:
         """Do every trial once, and return by name what ``fields`` take from the arms, (n, …) each.
+
+        Of two arms there is a row a hand, in the frame of its own arm, of what is a hand's: (2n, …). Observation,
+        reward and the like have a row a trial.
 
         Args:
             policy: acts in all trials at once.
@@ -111,7 +117,7 @@ class Evaluator:
         # Anything that predicts may be tested, also a policy of stable-baselines3, which has no network of ours.
         noise: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
         if isinstance(policy, MotorPolicy):
-            noise = policy.motor_network.noise.of_trials(self._seeds)
+            noise = policy.motor_network.noise.of_trials(self._seeds, self._exchanged.tolist())
         with one_torch_thread(), np.errstate(over="ignore", invalid="ignore"), noise:
             arrays = self._record(policy, fields, deterministic)
         # A hand that was ever out of range has a return that is.
@@ -129,7 +135,7 @@ class Evaluator:
         None for a network without noise.
         """
         steps = range(self._batch.settings.trial_length)
-        with network.noise.of_trials(self._seeds):
+        with network.noise.of_trials(self._seeds, self._exchanged.tolist()):
             noise = [one for one in (network.noise.draw(self._batch.n) for _ in steps) if one is not None]
         return torch.stack(noise, dim=1) if noise else None
 
@@ -140,34 +146,24 @@ class Evaluator:
 
     @functools.cached_property
     def plan(self) -> TrialPlan:
-        """What sets the trials apart."""
-        batch, drawn = self._batch, self._drawn
-        index = batch.task.target_indices(drawn.uniform, batch.settings)
-        return plan_of(drawn.trials, np.asarray(index, dtype=np.int32), batch.settings)
+        """What sets the trials apart, of two arms with a row a hand."""
+        drawn, batch = self._drawn, self._batch
+        return plan_of(hand_rows(drawn, batch), target_indices(drawn, batch), batch.settings, batch.n_arms)
 
     @functools.cached_property
-    def _drawn(self) -> _Drawn:
+    def _drawn(self) -> DrawnTrials:
         """What the trials are made of, drawn once: seeding takes as long as moving the arms."""
-        batch = self._batch
-        draws = [batch.draw(seeding.np_random(seed)[0]) for seed in self._seeds]
-        uniform = np.concatenate([draw.uniform for draw in draws])
-        noise = [draw.noise for draw in draws if draw.noise is not None]
-        trials = checked_trials(batch.task.trials(uniform, batch.settings), batch.n, batch.task, batch.settings)
-        return _Drawn(uniform, trials, np.concatenate(noise) if noise else None)
+        return draw(self._batch, self._seeds, self._exchanged)
 
     def _field_force(self, arrays: dict[str, Float32]) -> Float32:
-        """The force B v + K (x₀ − x) of the field before each step, (n, T, 2) (N)."""
+        """The force B v + K (x₀ − x) of the field before each step, a row a hand, (n, T, 2) (N)."""
         batch, hand = self._batch, arrays["hand"][:, :-1]
-        field = batch.task.field(self._drawn.uniform, batch.settings) if self.has_forces else None
+        field = fields_of_hands(self._drawn, batch)
         if field is None:
             return np.zeros_like(hand)
         velocity = hand_velocity(arrays["joint_angle"], arrays["joint_velocity"], batch.settings.arm)[:, :-1]
-        gains = (
-            np.broadcast_to(field.velocity_gain, (batch.n, 2, 2)),
-            np.broadcast_to(field.position_gain, (batch.n, 2, 2)),
-        )
-        away = np.broadcast_to(field.center, (batch.n, 2))[:, None] - hand
-        force = sum(np.einsum("nij,ntj->nti", gain, of) for gain, of in zip(gains, (velocity, away), strict=True))
+        acts = ((field.velocity_gain, velocity), (field.position_gain, field.center[:, None] - hand))
+        force = sum(np.einsum("nij,ntj->nti", gain, of) for gain, of in acts)
         return np.asarray(force, dtype=np.float32)
 
     def _record(self, policy: PolicyPredictor, fields: Sequence[Field], deterministic: bool) -> dict[str, Float32]:
@@ -193,17 +189,20 @@ class Evaluator:
         return arrays
 
 
-class _Drawn(NamedTuple):
-    """Random numbers of the trials (n, n_uniform), what they come to, and noise (n, T + 1, 20) if there is any."""
+def views(observation: Float32, n_arms: int) -> Float32:
+    """Return what each arm's side of the observation shows, (n · arms, T, width), of observations (n, T, arms · width).
 
-    uniform: NDArray[np.float64]
-    trials: Trials
-    noise: NDArray[np.float64] | None
+    An arm's view is in its own frame.
+    """
+    n, steps, width = observation.shape
+    by_arm = observation.reshape(n, steps, n_arms, width // n_arms).swapaxes(1, 2)
+    return by_arm.reshape(n * n_arms, steps, -1)
 
 
 def _stays(field: Field, batch: TrialBatch) -> bool:
     """Whether what is taken in every step is the same throughout the trials of this task."""
-    return (field == SEEN_TARGET and not batch.task.has_timeline) or (field == HAND_FORCE and not batch.task.has_forces)
+    only_load = batch.n_arms == 1 and not batch.task.has_forces
+    return (field == SEEN_TARGET and not batch.task.has_timeline) or (field == HAND_FORCE and only_load)
 
 
 def _room(field: Field, batch: TrialBatch) -> Float32:
@@ -214,7 +213,7 @@ def _room(field: Field, batch: TrialBatch) -> Float32:
         return np.repeat(values[:, None], length, axis=1)
     if TIME not in field.dims and STEP not in field.dims:
         return values.copy()
-    return np.empty((batch.n, length + (TIME in field.dims), *values.shape[1:]), dtype=values.dtype)
+    return np.empty((len(values), length + (TIME in field.dims), *values.shape[1:]), dtype=values.dtype)
 
 
 def _action(policy: PolicyPredictor, observation: Float32, deterministic: bool) -> Float32:

@@ -55,6 +55,8 @@ def check(config: TrainConfig) -> None:
         _check_bptt(config)
     check_trial(config)
     check_fit(config)
+    if config.n_arms == 2:
+        _check_tests(config)
     for name, size in _parameters(config):
         if size > MOST_PARAMETERS:
             raise UserError(f"The number of parameters of {name} must be at most {MOST_PARAMETERS:,}, got {size:,}.")
@@ -96,6 +98,19 @@ def check_fit(config: TrainConfig) -> None:
     except UnfitExperimentError as error:
         where = "" if error.field.startswith("trial.") else "experiment."
         raise UserError(f"{where}{error}") from None
+
+
+def _check_tests(config: TrainConfig) -> None:
+    """Refuse an odd number of trials in tests where each is also done with the arms exchanged."""
+    trials = {"blocks.trials": config.blocks.trials if config.blocks.every else 0}
+    if isinstance(config, RLConfig):
+        trials["evaluation.trials"] = config.evaluation.trials
+    for name, number in trials.items():
+        if number % 2 and config.make_task().is_symmetric(config.trial):
+            raise UserError(
+                f"{name} must be even in {config.task}, where each trial is also done with the arms exchanged, got "
+                f"{number}."
+            )
 
 
 def _check_task(config: TrainConfig) -> None:

@@ -20,9 +20,13 @@ def of_both_arms(dominant: Trials, non_dominant: Trials) -> Trials:
 
 
 def exchanged(trials: Trials, where: NDArray[np.bool_]) -> Trials:
-    """Return trials (n, 2, …) of which in those of ``where`` (n,) each arm does what the other one did, mirrored."""
+    """Return trials (n, 2, …) of which in those of ``where`` (n,) each arm does what the other one did, mirrored.
+
+    A spring is the same both ways.
+    """
     if not where.any():
         return trials
+    spring, trials = trials.spring, trials._replace(spring=None)
     other = _each(lambda of_arms: of_arms[:, ::-1], trials)
     other = other._replace(load=mirrored_vectors(other.load))
     if other.forces is not None:
@@ -31,7 +35,7 @@ def exchanged(trials: Trials, where: NDArray[np.bool_]) -> Trials:
     def chosen(mine: NDArray[Any], others: NDArray[Any]) -> NDArray[Any]:
         return np.where(where.reshape(-1, *[1] * (mine.ndim - 1)), others, mine)
 
-    return _each(chosen, trials, other)
+    return _each(chosen, trials, other)._replace(spring=spring)
 
 
 def mirrored_forces(forces: HandForces) -> HandForces:

@@ -69,6 +69,15 @@ class ExperimentTask(Task):
     def check(self, settings: TrialSettings) -> None:
         check_experiment(self.experiment, settings)
 
+    def is_symmetric(self, settings: TrialSettings) -> bool:
+        return self.n_arms == 2 and self.experiment.exchange == 0.5
+
+    @property
+    def roles(self) -> frozenset[str]:
+        if self.n_arms == 1:
+            return super().roles
+        return frozenset("hold" if assignment.target == "start" else "reach" for assignment in self._assignments)
+
     @property
     def features(self) -> frozenset[str]:
         return frozenset(name for name in FEATURES if any(name in _features(one) for one in self._assignments))

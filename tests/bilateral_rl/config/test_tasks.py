@@ -236,3 +236,10 @@ def test_reading_the_configuration_of_a_stranger_runs_no_code(named, tmp_path):
     code += "; c = RunFolder(Path('.')).config(); assert c.task == 'my_own_tasks:Reach'"
     code += "; assert 'my_own_tasks' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=tmp_path).returncode == 0
+
+
+def test_trials_of_two_arms_are_tested_both_ways_so_their_number_is_even():
+    with pytest.raises(UserError, match=r"^evaluation\.trials must be even in two_reaches.* got 5"):
+        resolve("ppo", "two_reaches", [parse_overrides(["evaluation.trials=5"])])
+    fixed = ["evaluation.trials=5", "trial.two_arms.roles=dominant_reaches"]
+    assert resolve("ppo", "reach_and_hold", [parse_overrides(fixed)]).evaluation.trials == 5
