@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from bilateral_rl.analysis.conditions import Conditions, conditions
-from bilateral_rl.analysis.recording import Recording, record
+from bilateral_rl.analysis.recording import Recording
+from bilateral_rl.analysis.recording_of_trials import record
 from bilateral_rl.config.parse import flat, plain
 from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.io.errors import UserError

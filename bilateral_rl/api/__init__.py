@@ -28,16 +28,8 @@ if TYPE_CHECKING:
     from bilateral_rl.api.comparison import Comparison, compare
     from bilateral_rl.api.importing import import_model
     from bilateral_rl.api.listing import list_runs
-    from bilateral_rl.api.plots import (
-        plot_blocks,
-        plot_center_out,
-        plot_channel,
-        plot_curves,
-        plot_lesions,
-        plot_muscles,
-        plot_paths,
-        plot_speeds,
-    )
+    from bilateral_rl.api.plots import plot_blocks, plot_curves, plot_lesions
+    from bilateral_rl.api.recording_plots import plot_center_out, plot_channel, plot_muscles, plot_paths, plot_speeds
     from bilateral_rl.api.rendering import render
     from bilateral_rl.api.reproduction import Reproduction, reproduce
     from bilateral_rl.api.run import Run, load
@@ -59,13 +51,13 @@ MODULES = {
     "list_runs": "api.listing",
     "load": "api.run",
     "plot_blocks": "api.plots",
-    "plot_center_out": "api.plots",
-    "plot_channel": "api.plots",
+    "plot_center_out": "api.recording_plots",
+    "plot_channel": "api.recording_plots",
     "plot_curves": "api.plots",
     "plot_lesions": "api.plots",
-    "plot_muscles": "api.plots",
-    "plot_paths": "api.plots",
-    "plot_speeds": "api.plots",
+    "plot_muscles": "api.recording_plots",
+    "plot_paths": "api.recording_plots",
+    "plot_speeds": "api.recording_plots",
     "render": "api.rendering",
     "reproduce": "api.reproduction",
     "sweep": "api.sweeping",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from bilateral_rl.analysis.kinematics import hand_speed
 from bilateral_rl.envs.arm.parameters import MUSCLE_NAMES
 from bilateral_rl.figures.bands import draw_band
 from bilateral_rl.figures.style import INK, TEXT_SIZE, ModelStyle, legend_above, style_axes
-from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
+from bilateral_rl.policies.lesions import INTACT, LESIONS
 
 Floating = NDArray[np.floating]
 
@@ -66,25 +67,38 @@ def draw_paths(axes: Axes, hand: Floating, target: Floating, radius: float, reac
         axes.spines[side].set_visible(False)
 
 
-def draw_speeds(
-    axes: Axes, hands: Mapping[str, Floating], timestep: float, cues: Mapping[str, NDArray[np.int_]] | None = None
-) -> None:
-    """Draw the hand's speed over time, a line a lesion: mean over the trials, and a band for their quartiles.
+class SpeedLine(NamedTuple):
+    """Trials whose speed is a line."""
+
+    words: str
+    """Words for the legend."""
+    style: ModelStyle
+    """Look of the line."""
+    hand: Floating
+    """(n, T + 1, 2), positions (m)."""
+    cue: NDArray[np.int_]
+    """(n,), steps at which the go cues came."""
+
+
+def draw_speeds(axes: Axes, lines: Sequence[SpeedLine], timestep: float) -> None:
+    """Draw the hand's speed over time, mean over the trials, and a band for their quartiles.
+
+    Where any go cue comes later than the start, time is counted from them.
 
     Args:
         axes: where to draw.
-        hands: (n, T + 1, 2) positions (m) by lesion.
+        lines: what is drawn.
         timestep: length of a step (s).
-        cues: (n,) steps by lesion at which the go cues came, from which on time is counted; None for the start.
     """
-    for index, (lesion, hand) in enumerate(hands.items()):
-        speed: Floating = 100 * hand_speed(hand, timestep)
+    is_cued = any(line.cue.any() for line in lines)
+    for index, line in enumerate(lines):
+        speed: Floating = 100 * hand_speed(line.hand, timestep)
         first = 0
-        if cues is not None:
-            speed, first = aligned(speed, cues[lesion])
+        if is_cued:
+            speed, first = aligned(speed, line.cue)
         middles = 1000 * timestep * (first + np.arange(speed.shape[1]) + 0.5)
-        draw_band(axes, middles, speed, LESION_STYLES[lesion], lesion_words(lesion), index)
-    style_axes(axes, "Time (ms)" if cues is None else "Time from the cue (ms)", "Hand speed (cm/s)")
+        draw_band(axes, middles, speed, line.style, line.words, index)
+    style_axes(axes, "Time from the cue (ms)" if is_cued else "Time (ms)", "Hand speed (cm/s)")
     axes.set_ylim(bottom=0)
     legend_above(axes, columns=2)
 

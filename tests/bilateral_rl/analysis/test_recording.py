@@ -9,10 +9,11 @@ import pandas as pd
 import pytest
 import torch
 
-from bilateral_rl.analysis import recording as module
+from bilateral_rl.analysis import recording_of_trials as module
 from bilateral_rl.analysis.conditions import conditions
-from bilateral_rl.analysis.recording import Recording, record
+from bilateral_rl.analysis.recording import Recording
 from bilateral_rl.analysis.recording_fields import EVERY_FIELD, LABEL_FIELDS
+from bilateral_rl.analysis.recording_of_trials import record
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import Arm

@@ -10,10 +10,11 @@ import xarray as xr
 from everything import EVERYTHING
 from pyarrow import parquet
 
-from bilateral_rl.analysis import recording
+from bilateral_rl.analysis import recording_of_trials
 from bilateral_rl.analysis.conditions import conditions
-from bilateral_rl.analysis.recording import Recording, record
+from bilateral_rl.analysis.recording import Recording
 from bilateral_rl.analysis.recording_files import WRITERS, side_file, write
+from bilateral_rl.analysis.recording_of_trials import record
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import LESIONS, NO_LESION
@@ -49,7 +50,7 @@ def written(two, whole, tmp_path, monkeypatch):
     """Writes a recording in parts of two trials, and returns the file."""
 
     def make(ending):
-        monkeypatch.setattr(recording, "TRIALS_AT_ONCE", 2)
+        monkeypatch.setattr(recording_of_trials, "TRIALS_AT_ONCE", 2)
         path = tmp_path / f"data{ending}"
         write(path, two(), len(whole))
         return path
