@@ -42,13 +42,19 @@ def _rows(layout, named):
 
 
 def _make_rollout(
-    networks, n_trials=4, n_steps=8, arm=None, seed=0, limits=False, workers=None, conditions=None, **wanted
+    networks, n_trials=4, n_steps=8, arm=None, seed=0, limits=False, workers=None, conditions=None, fill=None, **wanted
 ):
-    """A rollout of ``networks`` with random trials; with ``limits``, some start in a corner of the joints' range."""
+    """A rollout of ``networks`` with random trials; with ``limits``, some start in a corner of the joints' range.
+
+    ``fill`` fills the trials in another way.
+    """
     layout, dtype = Layout(networks[0]), next(networks[0].parameters()).dtype
     size = RolloutSize(len(networks), n_trials, n_steps, **wanted)
     rollout = Rollout(layout, arm or ArmParameters(), size, dtype=dtype, workers=workers, conditions=conditions)
     rollout.weights.copy_(_rows(layout, [dict(network.named_parameters()) for network in networks]))
+    if fill:
+        fill(rollout)
+        return rollout
     generator = torch.Generator().manual_seed(seed)
 
     def uniform(low, high):

@@ -1,0 +1,80 @@
+"""Trials of two arms by ``Arm.step`` and the torch networks, differentiable: written down from the specification."""
+
+from types import SimpleNamespace
+
+import torch
+
+from bilateral_rl.envs import Arm
+
+TRAJECTORIES = ("joint", "muscle", "hand", "excitation", "terms", "observation")
+
+
+def mirrored(vectors, shoulder_distance=0.0):
+    """Positions (…, 2) in the other arm's own frame; vectors, with no distance."""
+    return torch.stack([-vectors[..., 0] - shoulder_distance, vectors[..., 1]], dim=-1)
+
+
+def spring_force(own, other, rest, stiffness, damping, kind):
+    """The force (B, 2) on a hand (B, 4), of another one in the same frame."""
+    apart, rate = (other - own).split(2, dim=1)
+    if kind == "vector":
+        return stiffness[:, None] * (apart - rest) + damping[:, None] * rate
+    length = apart.norm(dim=1)
+    tension = stiffness * (length - rest.norm(dim=1)) + damping * (apart * rate).sum(1) / length
+    return tension[:, None] * apart / length[:, None]
+
+
+def views(arm, states, targets, distance, recorded=False):
+    """The view (B, 20) of each arm; ``recorded``: without a gradient through the other hand."""
+    result = []
+    for own, other in ((0, 1), (1, 0)):
+        hand = states[other].cartesian[:, :2]
+        hand = hand.detach() if recorded else hand
+        seen = [states[own].cartesian[:, :2], mirrored(hand, distance), targets[own], mirrored(targets[other], distance)]
+        result.append(torch.cat([arm.proprioception(states[own]), *seen], dim=1))
+    return result
+
+
+def step_terms(hand, target, excitation):
+    error = hand - target
+    return torch.stack([error.abs().mean(1), 10 * error.square().mean(1), excitation.square().mean(1)], dim=1)
+
+
+def roll(command, trials, n_steps, settings, recorded=False):
+    """Trajectories (B · 2, T, …) of one network's trials (B · 2, …), a row a hand, and observations (B, T, 40).
+
+    Args:
+        command: from observations (B, 40) to excitations (B, 12).
+        trials: start, target, load, stiffness and damping.
+        n_steps: of a trial.
+        settings: ``TwoArmSettings``.
+        recorded: let no gradient through the seen position of the other hand.
+    """
+    arm = Arm(dtype=trials.target.dtype)
+    distance, kind = settings.shoulder_distance, settings.spring.kind
+    states = [arm.rest(trials.start[a::2]) for a in range(2)]
+    targets, loads = ([part[a::2] for a in range(2)] for part in (trials.target, trials.load))
+
+    def seen(state):
+        place, velocity = state.cartesian.split(2, dim=1)
+        return torch.cat([mirrored(place, distance), mirrored(velocity)], dim=1)
+
+    rests = [(seen(states[1 - a]) - states[a].cartesian)[:, :2] for a in range(2)]
+    steps = []
+    for _ in range(n_steps):
+        observation = torch.cat(views(arm, states, targets, distance, recorded), dim=1)
+        excitation = command(observation).chunk(2, dim=1)
+        forces = [
+            loads[a]
+            + spring_force(
+                *(states[a].cartesian, seen(states[1 - a]), rests[a], trials.stiffness, trials.damping, kind)
+            )
+            for a in range(2)
+        ]
+        states = [arm.step(states[a], excitation[a], forces[a]) for a in range(2)]
+        hands = [state.cartesian[:, :2] for state in states]
+        terms = [step_terms(*parts) for parts in zip(hands, targets, excitation, strict=True)]
+        by_arm = ([s.joint for s in states], [s.muscle for s in states], hands, excitation, terms)
+        steps.append((*(torch.stack(list(part), dim=1).flatten(0, 1) for part in by_arm), observation))
+    paths = [torch.stack(part, dim=1) for part in zip(*steps, strict=True)]
+    return SimpleNamespace(**dict(zip(TRAJECTORIES, paths, strict=True)))
