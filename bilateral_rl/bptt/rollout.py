@@ -19,13 +19,16 @@ from bilateral_rl.bptt.network_kernels import (
     N_GATES,
     OUTPUT_DOMINANT,
     OUTPUT_NON_DOMINANT,
+    NetworkShape,
 )
 from bilateral_rl.bptt.rollout_arrays import RolloutArrays, RolloutSize
 from bilateral_rl.bptt.rollout_kernels import rollout_kernels
+from bilateral_rl.bptt.rollout_structs import View
 from bilateral_rl.bptt.targets import Targets
 from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.envs.arm import ArmParameters
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
 from bilateral_rl.envs.arm.warp_start import launch_on
 from bilateral_rl.policies.lesions import Lesion
@@ -62,6 +65,9 @@ class Rollout:
         workers: threads that share the work; the calling one by default, whose torch should then use one thread too.
         conditions: what trials, losses and senses ask for; the paper's by default.
 
+    Raises:
+        ValueError: networks of other arms than the trials.
+
     Attributes:
         conditions: what trials, losses and senses ask for.
         weights: (S, width), the networks' parameters; write into it.
@@ -93,6 +99,7 @@ class Rollout:
         self.layout, self.size, self.device, self.real = layout, size, device, _REAL[dtype]
         self._workers, self._arm = workers or Workers(), arm
         self.conditions = conditions or Conditions()
+        _check_fit(layout.shape, self.conditions.n_arms)
         parameters = kernel_parameters(arm, self.real)  # starts Warp, which arrays need
         kernels = rollout_kernels(self.real, layout.shape, self.conditions.features)
         arrays = self._arrays = RolloutArrays(layout, size, self.conditions, kernels, dtype, device)
@@ -258,3 +265,13 @@ class Rollout:
                 deltas = a.delta_output[group][:, :, :, arm].flatten(2)
                 by_output = (a.combined[group][:, :, arm].mT @ deltas).view(g, -1, streams, shape.n_muscles)
                 output[:, :, arm] = by_output.permute(2, 0, 1, 3)
+
+
+def _check_fit(shape: NetworkShape, arms: int) -> None:
+    """Raise a ValueError for networks that do not see and command so many arms."""
+    needed = arms * View.of(arms).size, arms * N_MUSCLES
+    if (shape.n_inputs, shape.n_outputs) != needed or (shape.sides == 2 and shape.arms != arms):
+        raise ValueError(
+            f"trials of {arms} arm(s) are for networks of {needed[0]} inputs and {needed[1]} outputs with "
+            f"n_arms={arms}, got {shape.n_inputs} and {shape.n_outputs}."
+        )

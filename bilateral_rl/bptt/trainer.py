@@ -11,7 +11,7 @@ from torch import Tensor
 
 from bilateral_rl.analysis.modulation import Contributions, modulation_of
 from bilateral_rl.bptt.conditions import Conditions
-from bilateral_rl.bptt.history import MEASURES, groups, history_columns
+from bilateral_rl.bptt.history import groups, history_columns, measured
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.noise import draw_noise
@@ -23,7 +23,6 @@ from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.trials import epoch_order, stacked, training_trials, validation_trials
 from bilateral_rl.bptt.workers import Workers
 from bilateral_rl.config.schema import BPTTConfig
-from bilateral_rl.envs.measures import trial_measures
 from bilateral_rl.io.threads import one_torch_thread
 from bilateral_rl.vocabulary import Loss
 
@@ -229,12 +228,8 @@ class Trainer:
         draw_noise(rollout, self._numbers(seeds), "validation")
         rollout.forward()
         values = losses.values(rollout)[0].tolist()
-        targets = {name: part.cpu().numpy() for name, part in rollout.targets()._asdict().items() if part is not None}
-        rows = []
-        for i, value in enumerate(values):
-            own = {name: part[i] for name, part in targets.items()}
-            means = trial_measures(**own, threshold=config.trial.threshold).means()
-            rows.append([value, *(means[name] for name in MEASURES), *self._supplied(rollout, i)])
+        targets = rollout.targets()
+        rows = [[value, *measured(targets, i, config), *self._supplied(rollout, i)] for i, value in enumerate(values)]
         return torch.tensor(rows, dtype=torch.float64)
 
     def _supplied(self, rollout: Rollout, index: int) -> list[float]:

@@ -77,4 +77,6 @@ def _draw(sequence: np.random.SeedSequence, n: int, task: Task, settings: TrialS
     if trials.forces is not None:
         arrays |= affine_forces(trials.forces, hand(trials.start), target)._asdict()
         arrays |= {"pulse": trials.forces.pulse, "pulse_window": trials.forces.pulse_window}
+    if trials.spring is not None:
+        arrays |= trials.spring._asdict()
     return TrialTensors(**{name: torch.from_numpy(array.copy()) for name, array in arrays.items()})

@@ -263,7 +263,7 @@ class _Tensorboard:
             writer.close()
 
     def _tag(self, name: str) -> str:
-        if name in MEASURES:
+        if name.startswith(MEASURES):
             return f"evaluation/{name}"
         if name in TAGS:
             return TAGS[name]

@@ -53,7 +53,7 @@ def _make_rollout(
     rollout = Rollout(layout, arm or ArmParameters(), size, dtype=dtype, workers=workers, conditions=conditions)
     rollout.weights.copy_(_rows(layout, [dict(network.named_parameters()) for network in networks]))
     if fill:
-        fill(rollout)
+        fill(rollout.trials)
         return rollout
     generator = torch.Generator().manual_seed(seed)
 

@@ -30,14 +30,32 @@ def views(arm, states, targets, distance, recorded=False):
     for own, other in ((0, 1), (1, 0)):
         hand = states[other].cartesian[:, :2]
         hand = hand.detach() if recorded else hand
-        seen = [states[own].cartesian[:, :2], mirrored(hand, distance), targets[own], mirrored(targets[other], distance)]
-        result.append(torch.cat([arm.proprioception(states[own]), *seen], dim=1))
+        own_hand = [arm.proprioception(states[own]), states[own].cartesian[:, :2]]
+        others = [mirrored(place, distance) for place in (hand, targets[other])]
+        result.append(torch.cat([*own_hand, others[0], targets[own], others[1]], dim=1))
     return result
 
 
 def step_terms(hand, target, excitation):
     error = hand - target
     return torch.stack([error.abs().mean(1), 10 * error.square().mean(1), excitation.square().mean(1)], dim=1)
+
+
+def roll_one(command, trials, seen, arm_index, n_steps):
+    """Terms (B, T, 3) of one arm of the trials alone, without a spring; ``seen`` (B, T, 40) was observed in them.
+
+    The other hand's position is fed as it was recorded, and the targets.
+    """
+    arm = Arm(dtype=trials.target.dtype)
+    target, load = (part[arm_index::2] for part in (trials.target, trials.load))
+    recorded = seen[:, :, 20 * arm_index : 20 * arm_index + 20]
+    state, terms = arm.rest(trials.start[arm_index::2]), []
+    for t in range(n_steps):
+        own = [arm.proprioception(state), state.cartesian[:, :2]]
+        excitation = command(torch.cat([*own, recorded[:, t, 14:]], dim=1))
+        state = arm.step(state, excitation, load)
+        terms.append(step_terms(state.cartesian[:, :2], target, excitation))
+    return torch.stack(terms, dim=1)
 
 
 def roll(command, trials, n_steps, settings, recorded=False):

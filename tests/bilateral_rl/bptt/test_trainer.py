@@ -8,7 +8,7 @@ import torch
 from one_arm_tasks import ONE_ARM_TASKS
 from trainers import finish, of_seed
 
-from bilateral_rl.bptt import trainer as trainer_module
+from bilateral_rl.bptt import targets as targets_module
 from bilateral_rl.bptt.trials import epoch_order, initial_weights_seed, training_trials, validation_trials
 from bilateral_rl.config.catalogue import MODELS, find_model
 from bilateral_rl.envs import Arm
@@ -194,13 +194,13 @@ def test_the_history_names_streams_groups_measures_and_sides(make_trainer, small
 
 def test_validation_measures_trials_from_where_they_start(make_trainer, small_bptt, monkeypatch):
     config, measured = small_bptt(epochs=1), []
-    measure = trainer_module.trial_measures
+    measure = targets_module.trial_measures
 
     def watch(distance, start_distance, threshold):
         measured.append((distance, start_distance))
         return measure(distance, start_distance, threshold)
 
-    monkeypatch.setattr(trainer_module, "trial_measures", watch)
+    monkeypatch.setattr(targets_module, "trial_measures", watch)
     finish(make_trainer(config))
     for seed, (distance, start_distance) in enumerate(measured):
         trials = validation_trials(seed, 8, make_task(config.task), config.trial)
