@@ -177,6 +177,7 @@ class Trainer:
             finite_loss = values.isfinite().all(0)  # (S,)
             last_good[finite_loss] = weights[finite_loss]
 
+            optimizer.learning_rate = self._learning_rate(batch)
             moving = finite_loss & optimizer.gradient()
             moving[list(failed_batch)] = False
             optimizer.step(None if moving.all() else moving)
@@ -192,6 +193,14 @@ class Trainer:
             if not goes_on(batch + 1):
                 return None
         return _EpochResult(sums / self.updates_per_epoch, failed_batch, last_good.cpu())
+
+    def _learning_rate(self, batch: int) -> float:
+        """Return the learning rate of a batch of the present epoch."""
+        first, last = self.config.bptt.learning_rate, self.config.bptt.final_learning_rate
+        if last is None:
+            return first
+        done = (self.state.epoch * self.updates_per_epoch + batch) / self.config.total
+        return first + (last - first) * done
 
     def _numbers(self, seeds: list[int]) -> list[int]:
         """Return the seeds themselves, from their index among all."""

@@ -163,6 +163,8 @@ class BPTTHyperparameters:
 
     learning_rate: Positive = 0.001
     """Learning rate of Adam."""
+    final_learning_rate: NotNegative | None = None
+    """Learning rate of Adam at the end of all epochs, to which it changes linearly; null for the same throughout."""
     epsilon: Positive = 1e-7
     """ε of Adam, added as Keras does: before the bias correction."""
     clip_norm: Positive = 1.0

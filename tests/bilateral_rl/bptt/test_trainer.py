@@ -210,6 +210,14 @@ def test_validation_measures_trials_from_where_they_start(make_trainer, small_bp
     assert len(measured) == 2
 
 
+def test_the_learning_rate_goes_to_its_end_over_all_epochs_from_update_to_update(make_trainer, small_bptt):
+    trainer, rates = make_trainer(small_bptt(epochs=2, bptt={"learning_rate": 0.02, "final_learning_rate": 0.01})), []
+    while not trainer.finished:
+        trainer.run_epoch(lambda _: rates.append(trainer._running.optimizer.learning_rate) is None)
+    n = trainer.config.total
+    assert rates == pytest.approx([0.02 - 0.01 * update / n for update in range(n)])
+
+
 def test_the_number_of_torchs_threads_is_left_as_it_was(make_trainer, small_bptt):
     threads, during = torch.get_num_threads(), []
     torch.set_num_threads(2)
