@@ -17,7 +17,7 @@ from bilateral_rl.analysis.hands import hand_means, hand_table
 from bilateral_rl.analysis.kinematics import NEAR
 from bilateral_rl.analysis.metric import Better, Metric
 from bilateral_rl.analysis.trial_records import TrialRecord
-from bilateral_rl.vocabulary import Side
+from bilateral_rl.vocabulary import SIDES, Side
 
 Role = Literal["reach", "hold"]
 ROLES: tuple[Role, Role] = ("reach", "hold")
@@ -115,6 +115,12 @@ HAND_METRICS: dict[str, HandMetric] = {metric.name: metric for metric in (
 def hand_metric(name: str, hand: Side, role: Role) -> Metric:
     """Return the metric of a measure of :data:`HAND_METRICS` of one hand in one role."""
     return HAND_METRICS[name].of(hand, role)
+
+
+def hand_metric_names() -> list[str]:
+    """Return every name that :func:`measure_hands` may give a number."""
+    of_hands = (metric.of(hand, role) for metric in HAND_METRICS.values() for role in metric.roles for hand in SIDES)
+    return [COMBINED_LOSS, *(metric.name for metric in of_hands)]
 
 
 def measure_hands(record: TrialRecord) -> dict[str, float]:

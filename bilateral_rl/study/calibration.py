@@ -18,7 +18,7 @@ _PENALTY = ("penalty", "penalty_coefficient", "weight_penalty")
 
 def calibrated_settings(algo: str, profile: str, task: str) -> Values:
     """Return the settings that a study's trainings take over those of `train`; none where nothing was calibrated."""
-    if not _has_calibration(algo, profile):
+    if not _has_calibration(algo, profile) or task not in CALIBRATED[algo]:
         return {}
     coefficient = CALIBRATED[algo][task]
     if algo == "bptt":

@@ -1,22 +1,28 @@
-"""Which readings of the paper a study leaves room for, by its profile and its algorithm."""
+"""Which readings a study leaves room for, by what it is about, its profile and its algorithm."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
+from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.folder import MACHINE_SETTINGS
 from bilateral_rl.study.plan import SET_BY_STUDY, Study, is_supervised
-from bilateral_rl.study.readings import ALL, Reading, load_readings
+from bilateral_rl.study.reading_files import ALL, ReadingFiles
+from bilateral_rl.study.reading_tables import AnyReading
+from bilateral_rl.study.readings import ANCHORS, FILES, Reading
+from bilateral_rl.study.two_arms.readings import HAND_FILES, HandReading, usual_readings
 
 
-def readings_for(study: Study, requested: Sequence[str]) -> tuple[list[Reading], list[str]]:
+def readings_for(study: Study, requested: Sequence[str] | None) -> tuple[Sequence[AnyReading], list[str]]:
     """Load readings for a study: of "all", those that it leaves room for; of others, each.
 
     Args:
         study: the study.
-        requested: as :func:`~bilateral_rl.study.readings.load_readings` takes them.
+        requested: as :meth:`~bilateral_rl.study.reading_files.ReadingFiles.load` takes them; None for the usual ones:
+            the anchors of the paper, or those of two arms that need no other trainings.
 
     Returns:
         The readings, and the names of those of "all" that were left out.
@@ -25,9 +31,17 @@ def readings_for(study: Study, requested: Sequence[str]) -> tuple[list[Reading],
         UserError: what cannot be loaded. One that is asked for by its name is not left out, and
             :class:`~bilateral_rl.study.grid.Grid` says why it cannot be.
     """
-    named = {reading.name for reading in load_readings([text for text in requested if text != ALL])}
+    if study.subject == "two_arms":
+        return _fitting(study, HAND_FILES, requested or usual_readings())
+    return _fitting(study, FILES, requested or ANCHORS)
+
+
+def _fitting(
+    study: Study, files: ReadingFiles[Any], requested: Sequence[str]
+) -> tuple[Sequence[AnyReading], list[str]]:
+    named = {reading.name for reading in files.load([text for text in requested if text != ALL])}
     readings, left_out = [], []
-    for reading in load_readings(requested):
+    for reading in files.load(requested):
         if reading.name in named or _fits(reading, study):
             readings.append(reading)
         else:
@@ -35,13 +49,20 @@ def readings_for(study: Study, requested: Sequence[str]) -> tuple[list[Reading],
     return readings, left_out
 
 
-def check_fits(reading: Reading, study: Study) -> None:
+def check_fits(reading: AnyReading, study: Study) -> None:
     """Raise a UserError if a reading asks for what the study's profile or algorithm leaves no room for."""
+    _check_fixed(reading, study)
+    if isinstance(reading, HandReading):
+        for protocol in (reading.callosum, reading.deep):
+            _check_protocol(reading, protocol, study)
+        return
     _check_training(reading, study)
-    _check_protocol(reading, study)
+    _check_protocol(reading, reading.protocol, study)
+    if study.profile == "released" and reading.lesions is not None:
+        raise _is_fixed(reading, "the combined lesions")
 
 
-def _fits(reading: Reading, study: Study) -> bool:
+def _fits(reading: AnyReading, study: Study) -> bool:
     try:
         check_fits(reading, study)
     except UserError:
@@ -49,15 +70,20 @@ def _fits(reading: Reading, study: Study) -> bool:
     return True
 
 
-def _check_training(reading: Reading, study: Study) -> None:
+def _check_fixed(reading: AnyReading, study: Study) -> None:
     """Raise a UserError for settings of trainings that are not the reading's to choose."""
-    settings = {task: reading.training_of(task) for task in JUDGED_RADII}
-    names = {name for values in settings.values() for name in values}
+    names = {name for task in study.tasks for name in reading.training_of(task)}
     fixed = [name for name in (*SET_BY_STUDY, "seed", *MACHINE_SETTINGS) if name in names]
     if fixed:
         raise UserError(
             f"The reading {reading.name} cannot change {fixed[0]}, which is the study's to choose; leave it out."
         )
+
+
+def _check_training(reading: Reading, study: Study) -> None:
+    """Raise a UserError for settings of trainings that the study's algorithm or profile leaves no room for."""
+    settings = {task: reading.training_of(task) for task in JUDGED_RADII}
+    names = {name for values in settings.values() for name in values}
     if names and not is_supervised(study.algo):
         raise UserError(
             f"The reading {reading.name} changes the training by bptt, and this study trains by {study.algo}; leave it "
@@ -69,13 +95,10 @@ def _check_training(reading: Reading, study: Study) -> None:
         raise _is_fixed(reading, "the weight penalty")
 
 
-def _check_protocol(reading: Reading, study: Study) -> None:
-    """Raise a UserError for lesions, or a retraining, that the study leaves no room for."""
-    protocol = reading.protocol
+def _check_protocol(reading: AnyReading, protocol: Protocol, study: Study) -> None:
+    """Raise a UserError for a retraining that the study leaves no room for."""
     if study.profile == "released" and (protocol.penalty is not None or protocol.penalty_coefficient is not None):
         raise _is_fixed(reading, "the weight penalty")
-    if study.profile == "released" and reading.lesions is not None:
-        raise _is_fixed(reading, "the combined lesions")
     for name, used in (("optimizer", protocol.optimizer == "continued"), ("trials", protocol.trials == "training")):
         if used and not is_supervised(study.algo):
             raise UserError(
@@ -84,7 +107,7 @@ def _check_protocol(reading: Reading, study: Study) -> None:
             )
 
 
-def _is_fixed(reading: Reading, what: str) -> UserError:
+def _is_fixed(reading: AnyReading, what: str) -> UserError:
     return UserError(
         f"The reading {reading.name} sets {what}, and so does --profile released; leave one of the two out."
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yaml
 
+from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values
 from bilateral_rl.io.errors import UserError
@@ -19,7 +20,7 @@ STUDY_FILE = "study.yaml"
 LOCK = ".lock"
 RUNS = "runs"
 """The folder of a study below which its runs lie. A new study may find some that were made elsewhere."""
-_BEFORE: Values = {"first_seed": 0, "models": list(MODELS)}
+_BEFORE: Values = {"first_seed": 0, "models": list(MODELS), "subject": "paper", "tasks": list(JUDGED_RADII)}
 """What descriptions by earlier versions do not say, as it was then."""
 MACHINE_SETTINGS = ("threads", "device", "track")
 """Settings that change how a run is made, not what comes out: a study may go on with others."""

@@ -10,8 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bilateral_rl.analysis.goals import JUDGED_RADII
-from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.config.parse import Values
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
@@ -20,10 +18,8 @@ from bilateral_rl.study.fit import check_fits
 from bilateral_rl.study.folder import RUNS
 from bilateral_rl.study.jobs import Job
 from bilateral_rl.study.plan import TRAIN_AND_MEASURE, Study
-from bilateral_rl.study.readings import Reading
+from bilateral_rl.study.reading_tables import AnyReading, tables_of
 from bilateral_rl.study.trainings import Table, Training, training_name
-
-_NONE = Protocol("none")
 
 
 class Grid:
@@ -31,7 +27,7 @@ class Grid:
 
     Args:
         study: the study.
-        readings: readings of the paper; their names differ.
+        readings: readings of what it is about; their names differ.
         threads: CPU threads of each training.
 
     Attributes:
@@ -42,7 +38,7 @@ class Grid:
         UserError: settings that cannot be, or a reading that the study's profile or algorithm leaves no room for.
     """
 
-    def __init__(self, study: Study, readings: Sequence[Reading], threads: int = 1) -> None:
+    def __init__(self, study: Study, readings: Sequence[AnyReading], threads: int = 1) -> None:
         self.study, self.readings = study, list(readings)
         for reading in readings:
             check_fits(reading, study)
@@ -59,7 +55,7 @@ class Grid:
         """Every table, each once."""
         return [table for tables in self.tables.values() for table in tables]
 
-    def tables_of(self, reading: Reading) -> list[Table]:
+    def tables_of(self, reading: AnyReading) -> list[Table]:
         """The tables by which a reading judges: after its protocol, and without retraining."""
         return self._of[reading.name]
 
@@ -87,24 +83,18 @@ class Grid:
         result = [*tables, *missing][-1].path  # the one that is written last, if any is
         return Job(training.job_name, TRAIN_AND_MEASURE, result, arguments, max(cost, 1.0), self._threads)
 
-    def _tables_of(self, reading: Reading) -> Iterator[Table]:
-        own = self.study.profile
+    def _tables_of(self, reading: AnyReading) -> Iterator[Table]:
         for training in self._trainings_of(reading):
-            architecture = training.config.spec.architecture
-            # Combined lesions are of a callosum and one side.
-            lesions = reading.lesion_profile(own) if architecture == "callosal" else own
-            protocols = [_NONE] if architecture == "unilateral" else [_NONE, reading.protocol]
-            for protocol in dict.fromkeys(protocols):
-                yield Table(training, protocol, lesions, own)
+            yield from tables_of(reading, training, self.study.profile)
 
-    def _trainings_of(self, reading: Reading) -> list[Training]:
-        settings = {task: reading.training_of(task) for task in JUDGED_RADII}
+    def _trainings_of(self, reading: AnyReading) -> list[Training]:
+        settings = {task: reading.training_of(task) for task in self.study.tasks}
         key = repr(settings)
         if key not in self._trainings:
             self._trainings[key] = self._new_trainings(reading, settings)
         return self._trainings[key]
 
-    def _new_trainings(self, reading: Reading, settings: Mapping[str, Values]) -> list[Training]:
+    def _new_trainings(self, reading: AnyReading, settings: Mapping[str, Values]) -> list[Training]:
         try:
             configs = self.study.configs(self._threads, settings)
         except UserError as error:

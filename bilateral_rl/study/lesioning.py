@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -9,22 +10,20 @@ import pandas as pd
 import torch
 from pydantic.dataclasses import dataclass
 
-from bilateral_rl.analysis.goals import STUDY_RADII, distinct_radii
-from bilateral_rl.analysis.metric import Metric
-from bilateral_rl.analysis.metrics import measure, metrics_of
 from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import COLUMNS, FRESH, TRAINED, treatment
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.config.hyperparameters import Flag
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.envs.quantities import STRICT
+from bilateral_rl.envs.quantities import STRICT, NotNegative
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, LESIONS_OF, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
+from bilateral_rl.study.measures import Measures
 from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.moments import Moments, trained_moments
 from bilateral_rl.training.retraining import Retraining
@@ -56,6 +55,8 @@ class LesionSettings:
     """Where networks are retrained."""
     retraining_trials: int | None = None
     """Number of trials of an epoch of retraining; None for the run's own number, or the paper's."""
+    spring: NotNegative | None = None
+    """Stiffness of the spring between two hands in retraining and tests (N/m); None for that of the training."""
 
 
 class _Case(NamedTuple):
@@ -89,7 +90,7 @@ class LesionStudy:
 
     Raises:
         UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run does not have, no
-            protocol, or one that its networks cannot follow.
+            protocol, or one that its networks cannot follow, or a spring between the hands of one arm.
     """
 
     def __init__(
@@ -101,7 +102,7 @@ class LesionStudy:
     ) -> None:
         if not settings.protocols:
             raise UserError("A lesion study needs a protocol, if only that without retraining.")
-        self.settings, self.config = settings, folder.config()
+        self.settings, self.config = settings, _with_spring(folder.config(), settings.spring)
         self.names = state_names(self.config, settings.lesions)
         self._lesions = _lesions_of(self.config, settings.profile)
         self._policies = load_policies(folder, weights, only)
@@ -112,7 +113,7 @@ class LesionStudy:
         if any(protocol.optimizer == "continued" for protocol in settings.protocols):
             self._moments = trained_moments(folder, list(self._policies), weights)
         self._evaluator = Evaluator(self.config.make_task(), self.config.trial, settings.trials, settings.seed)
-        self._metrics = measured_metrics(self.config)
+        self._measures = Measures(self.config)
 
     def run(self, on_state: OnState = lambda done, total, name: None) -> pd.DataFrame:
         """Test every state, and return the long table of results (:mod:`bilateral_rl.analysis.results`).
@@ -198,15 +199,10 @@ class LesionStudy:
 
     def _measure(self, policy: MotorPolicy, state: Tensors | None, lesion: Lesion) -> dict[str, float]:
         if state is None:
-            return {metric.name: float("nan") for metric in self._metrics}
+            return self._measures.none()
         policy.motor_network.load_state_dict(state)
         with policy.motor_network.lesioned(lesion):
-            return measure(self._evaluator.run(policy), self._metrics)
-
-
-def measured_metrics(config: TrainConfig) -> list[Metric]:
-    """The metrics in the results of a run: at the goal radii of every study and at the run's own."""
-    return metrics_of(config.make_task(), distinct_radii([*STUDY_RADII, config.trial.threshold]))
+            return self._measures.of(self._evaluator.run(policy))
 
 
 def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]:
@@ -226,6 +222,18 @@ def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]
                 f"{', '.join([INTACT, *available])}."
             )
     return [INTACT, *(name for name in dict.fromkeys(lesions) if name != INTACT)]
+
+
+def _with_spring(config: TrainConfig, stiffness: float | None) -> TrainConfig:
+    """The configuration with another spring between the hands. Raises UserError if there is but one."""
+    if stiffness is None:
+        return config
+    if config.make_task().n_arms == 1:
+        raise UserError(f"{config.task} is a task of one arm and has no spring between two hands; leave spring out.")
+    two_arms = config.trial.two_arms
+    spring = dataclasses.replace(two_arms.spring, stiffness=stiffness)
+    trial = dataclasses.replace(config.trial, two_arms=dataclasses.replace(two_arms, spring=spring))
+    return dataclasses.replace(config, trial=trial)
 
 
 def _lesions_of(config: TrainConfig, profile: str | None) -> dict[str, Lesion]:

@@ -18,6 +18,12 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.calibration import calibrated_settings, is_calibrated
 from bilateral_rl.vocabulary import PROFILES
 
+Subject = Literal["paper", "two_arms"]
+TASKS_OF: dict[Subject, tuple[str, ...]] = {
+    "paper": tuple(JUDGED_RADII),
+    "two_arms": ("reach_and_hold", "two_reaches", "two_holds"),
+}
+"""What a study can be about, with the tasks of its trainings; claims on two arms are about the first one."""
 TRAIN_AND_MEASURE = "bilateral_rl.study.model_job:train_and_measure"
 QUICK_SEEDS = 3
 _QUICK_TESTS = {"trials": 256, "retraining_trials": 640}
@@ -25,17 +31,19 @@ SET_BY_STUDY = ("algo", "model", "task", "seeds", "profile")
 """Settings that tell a study's trainings apart, or that it has options for."""
 PROBED, PROBES = ("bi_s", "cc_s"), 12
 """Models whose sides are tested while reinforcement learning specializes them, and how often."""
+_OF_HEMISPHERES = ("ipsilateral_share", "trained_combination")
+"""Settings of networks that have hemispheres."""
 _SPECIALIZED_COST = 1.25
 """Cost of a training with two losses, against that of one."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """Which trainings a study makes: every model, or some, on each of the paper's tasks.
+    """Which trainings a study makes: every model, or some, on each of its tasks, or some.
 
     Raises:
-        UserError: an unknown algorithm, profile or model, no model, less than one seed, or overrides of what a study
-            itself sets.
+        UserError: an unknown subject, algorithm, profile, model or task, no model, less than one seed, or overrides of
+            what a study itself sets.
     """
 
     algo: str = "bptt"
@@ -49,8 +57,18 @@ class Study:
     """Settings of every training, as ``--set`` gives them."""
     models: tuple[str, ...] = tuple(MODELS)
     """Names of models; claims that need others stay undecided."""
+    subject: Subject = "paper"
+    """What it is about: the paper, or two arms that one brain controls."""
+    tasks: tuple[str, ...] = ()
+    """Names of tasks; empty for all of the subject's."""
 
     def __post_init__(self) -> None:
+        check_choice("study", self.subject, TASKS_OF)
+        of_subject = TASKS_OF[self.subject]
+        for task in self.tasks:
+            check_choice(f"task of the study {self.subject}", task, of_subject)
+        in_order = tuple(task for task in of_subject if task in (self.tasks or of_subject))
+        object.__setattr__(self, "tasks", in_order)
         check_choice("algorithm", self.algo, ALGORITHMS)
         check_choice("profile", self.profile, PROFILES)
         for model in self.models:
@@ -69,7 +87,9 @@ class Study:
         quick = ["quick"] if self.quick else []
         seeds = [f"seeds-{self.first_seed}-{self.first_seed + self.seeds - 1}"] if self.first_seed else []
         models = [] if set(self.models) == set(MODELS) else self.models
-        return "-".join(["reproduce", self.algo, self.profile, *models, *quick, *seeds])
+        subject = [] if self.subject == "paper" else [self.subject]
+        tasks = [] if self.tasks == TASKS_OF[self.subject] else self.tasks
+        return "-".join(["reproduce", *subject, self.algo, self.profile, *models, *tasks, *quick, *seeds])
 
     @property
     def purpose(self) -> Literal["exploration", "confirmation"]:
@@ -92,8 +112,8 @@ class Study:
             of_study["profile"] = self.profile
         layers = [quick_settings(self.algo) if self.quick else {}, of_study]
         configs = [
-            self._config(task, model, [*layers, self.overrides, training.get(task, {})])
-            for task in JUDGED_RADII
+            self._config(task, model, [*layers, self.overrides, _of_model(model, training.get(task, {}))])
+            for task in self.tasks
             for model in self.models
         ]
         if is_supervised(self.algo):
@@ -108,20 +128,28 @@ class Study:
     @property
     def is_calibrated(self) -> bool:
         """Whether its weight penalty was chosen for some of the claims."""
-        return is_calibrated(self.algo, self.profile, self.overrides)
+        return self.subject == "paper" and is_calibrated(self.algo, self.profile, self.overrides)
 
     def to_values(self) -> Values:
         """The contents of ``study.yaml``."""
-        return dataclasses.asdict(self) | {"models": list(self.models)}
+        return dataclasses.asdict(self) | {"models": list(self.models), "tasks": list(self.tasks)}
 
     def _config(self, task: str, model: str, layers: Sequence[Values]) -> TrainConfig:
         """The training of a model: by the calibrated penalty and with its probes, where ``layers`` say nothing else."""
         calibrated = calibrated_settings(self.algo, self.profile, task)
         config = resolve(self.algo, task, [calibrated, *layers], model=model)
-        if model not in PROBED or not isinstance(config, RLConfig):
+        if model not in PROBED or not isinstance(config, RLConfig) or self.subject != "paper":
             return config
         probes: Values = {"evaluation": {"lesion_probe_every": -(-config.timesteps // PROBES)}}
         return resolve(self.algo, task, [probes, calibrated, *layers], model=model)
+
+
+def _of_model(model: str, training: Values) -> Values:
+    """What a reading sets that a model can have: a network without hemispheres divides nothing among them."""
+    network = training.get("network")
+    if MODELS[model].architecture != "unilateral" or not isinstance(network, Mapping):
+        return training
+    return training | {"network": {name: value for name, value in network.items() if name not in _OF_HEMISPHERES}}
 
 
 def cost_of(config: TrainConfig) -> float:

@@ -7,12 +7,8 @@ read just so; it may deviate from any that is shipped.
 from __future__ import annotations
 
 import dataclasses
-import importlib.resources
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
-from difflib import get_close_matches
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
@@ -21,17 +17,14 @@ from pydantic.dataclasses import dataclass
 from bilateral_rl.analysis.goals import JUDGED_RADII, STUDY_RADII, in_centimeters
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.claims.criteria import Arrival, Criteria, Depth, ReachMeasure
-from bilateral_rl.config.parse import Values, build, flat, merge
+from bilateral_rl.config.parse import Values, flat, merge
 from bilateral_rl.envs.quantities import STRICT, Positive
 from bilateral_rl.envs.tasks import HoldPosition, RandomReach
-from bilateral_rl.io.errors import UserError
-from bilateral_rl.io.yaml_files import read_settings
+from bilateral_rl.study.reading_files import ReadingFiles, check_reading
 
-ALL = "all"
 ANCHORS = ("text", "everything")
 """The readings from which the others deviate, and those that a study judges by if nothing is said."""
 _LESIONS = {"text": "paper", "released": "released"}
-_FILES = importlib.resources.files("bilateral_rl") / "readings"
 
 
 def _measured(radius: float) -> float:
@@ -84,11 +77,7 @@ class Reading:
     """Which lesion of the other side leaves a hemisphere to work alone."""
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[\w.-]{1,60}", self.name):
-            raise ValueError(f"name must be 1 to 60 letters, digits, dots and dashes, got {self.name!r}")
-        for name in ("why", "source"):
-            if not getattr(self, name).strip():
-                raise ValueError(f"{name} is missing: say in a sentence why the paper may be read so, and from what")
+        check_reading(self.name, self.why, self.source)
         if len(set(self.measure)) < len(self.measure):
             raise ValueError("measure names one measure twice")
         for task in JUDGED_RADII:
@@ -146,63 +135,18 @@ _OWN = "as in the study"
 _PENALTY, _VALIDATION, _LOAD = ("bptt.penalty", "bptt.penalty_coefficient"), "bptt.validation_trials", "trial.load"
 
 
+FILES = ReadingFiles("readings", Reading, ANCHORS, "the paper")
+"""Those that are shipped."""
+
+
 def load_readings(requested: Sequence[str] = ANCHORS) -> list[Reading]:
-    """Load readings, each once and in the order in which they are asked for.
-
-    Args:
-        requested: "all" for those that are shipped, the name of one, or a file, which ends in .yaml or .yml.
-
-    Raises:
-        UserError: a name that is unknown, a file that holds no reading, or two readings of one name.
-    """
-    readings: dict[str, Reading] = {}
-    for text in requested:
-        for reading in _load(text):
-            if readings.setdefault(reading.name, reading) != reading:
-                raise UserError(f"Two readings are called {reading.name!r}; give the one in {text} a name of its own.")
-    return list(readings.values())
+    """Load readings of the paper, as :meth:`ReadingFiles.load`."""
+    return FILES.load(requested)
 
 
 def reading_names() -> list[str]:
-    """Return the names of the readings that are shipped, the anchors first."""
-    names = sorted(path.name.removesuffix(".yaml") for path in _FILES.iterdir() if path.name.endswith(".yaml"))
-    return [*ANCHORS, *(name for name in names if name not in ANCHORS)]
-
-
-def _load(text: str) -> Iterator[Reading]:
-    if text == ALL:
-        yield from (_build(_values(name), name) for name in reading_names())
-    elif text.endswith((".yaml", ".yml")):
-        values = {"name": Path(text).stem} | read_settings(Path(text))
-        if values["name"] in reading_names():
-            raise UserError(f"A reading called {values['name']!r} is shipped; give the one in {text} another name.")
-        yield _build(values, text)
-    else:
-        yield _build(_values(text), text)
-
-
-def _build(values: Mapping[str, Any], where: str) -> Reading:
-    """Build a reading from what its file says, on top of the one that it deviates from."""
-    anchor = values.get("anchor")
-    inherited = _values(str(anchor)) if anchor is not None else {}
-    if "anchor" in inherited:  # which deviates itself
-        inherited = merge(_values(inherited["anchor"]), inherited)
-    own = {name: value for name, value in inherited.items() if name not in ("name", "why", "source", "anchor")}
-    try:
-        return build(Reading, merge(own, values))
-    except UserError as error:
-        raise UserError(f"{where} is no reading of the paper. {error}") from None
-
-
-def _values(name: str) -> Values:
-    """What the file of a shipped reading says. Raises UserError if there is none of that name."""
-    names = reading_names()
-    if name not in names:
-        close = get_close_matches(name, names, n=3, cutoff=0.3)
-        known = f"names such as {', '.join(dict.fromkeys([*close, *ANCHORS]))}"
-        raise UserError(f"Unknown reading {name!r}; choose from all, {known}, or a file that ends in .yaml.")
-    with importlib.resources.as_file(_FILES / f"{name}.yaml") as path:
-        return read_settings(path)
+    """Return the names of the readings of the paper that are shipped, the anchors first."""
+    return FILES.names()
 
 
 def _by_task(words: Mapping[str, str]) -> str:

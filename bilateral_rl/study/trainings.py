@@ -67,11 +67,16 @@ class Table:
     """Whose combined lesions."""
     of_study: str
     """Whose they are if nothing is said."""
+    states: tuple[str, ...] | None = None
+    """Names of its lesions, the intact network apart; None for all that the networks can have."""
+    spring: float | None = None
+    """Stiffness of the spring between two hands (N/m) in retraining and tests; None for that of the training."""
 
     @property
     def name(self) -> str:
-        """The protocol's name, with whose combined lesions where these are not the study's."""
-        return self.protocol.name + ("" if self.lesions == self.of_study else f"-{self.lesions}-lesions")
+        """The protocol's name, with whose combined lesions where these are not the study's, and with the spring."""
+        lesions = "" if self.lesions == self.of_study else f"-{self.lesions}-lesions"
+        return self.protocol.name + lesions + ("" if self.spring is None else f"-spring-{self.spring:g}")
 
     @property
     def path(self) -> str:
@@ -88,6 +93,8 @@ class Table:
             if (value := getattr(self.protocol, f.name)) != f.default or f.name == "retrain"
         }
         settings: Values = {"protocols": [changed], "profile": self.lesions}
+        settings |= {} if self.states is None else {"lesions": list(self.states)}
+        settings |= {} if self.spring is None else {"spring": self.spring}
         if self.training.config.spec.architecture == "unilateral":  # nothing to lesion
             settings |= {"lesions": [INTACT], "control": False}
         return settings
