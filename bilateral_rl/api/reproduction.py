@@ -1,4 +1,4 @@
-"""The whole paper: every training, its lesions, the statistics, the figures, and a report with verdicts."""
+"""A whole study: every training, its lesions, the statistics, the figures, and a report with verdicts."""
 
 from __future__ import annotations
 
@@ -28,20 +28,19 @@ from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import refuse_other_settings, unsourced
-from bilateral_rl.study.plan import QUICK_SEEDS, Study, side_by_side
-from bilateral_rl.study.readings import ANCHORS
+from bilateral_rl.study.plan import QUICK_SEEDS, Study, as_subject, side_by_side
 from bilateral_rl.study.report import counts_of
 from bilateral_rl.study.reproduction import REPORT, claims_table, conclude
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came of a study of the paper; all of it is in its folder, as files too."""
+    """What came of a study of the paper, or of two arms; all of it is in its folder, as files too."""
 
     folder: Path
     """The study's folder, with tables, figures and runs."""
     judgements: Sequence[Judgement]
-    """The paper's claims as each reading judges them."""
+    """The claims as each reading judges them."""
     outcomes: Sequence[JobOutcome]
     """How its trainings ended."""
     unsourced: Sequence[Path] = ()
@@ -74,7 +73,7 @@ class Reproduction:
 
 @dataclass(frozen=True)
 class Plan:
-    """A study of the paper that nothing stands against, before it begins."""
+    """A study that nothing stands against, before it begins."""
 
     grid: Grid
     """Its trainings under its readings."""
@@ -102,6 +101,8 @@ def reproduce(
     profile: str = "paper",
     models: Names = None,
     *,
+    study: str = "paper",
+    tasks: Names = None,
     seeds: SeedsLike = None,
     quick: bool = False,
     jobs: int | None = None,
@@ -113,6 +114,8 @@ def reproduce(
 ) -> Reproduction:
     """Reproduce the paper: train, lesion and test seven models on two tasks, judge its claims, and write a report.
 
+    Or do the same for the study of two arms that one brain controls, whose claims are B1 to B6.
+
     It takes hours, or minutes if ``quick``. Called again, it goes on where it was. A training that fails stops no
     other, and is a warning.
 
@@ -120,13 +123,16 @@ def reproduce(
         algo: "bptt", as the paper, or "ppo", "a2c", "sac" or "td3".
         profile: "paper", or "released" for the losses and lesions of its code.
         models: one or several; None for all.
+        study: "paper", or "two_arms".
+        tasks: one or several of the study's; None for all.
         seeds: networks of each model: how many, of seeds 0 and up; or which, as ``range(100, 130)``. None for 10, or 3
             if ``quick``.
         quick: a preview: 3 seeds, short trainings.
         jobs: trainings at a time; None for one a CPU.
         ray: address of a Ray cluster, or "local"; None for this machine without Ray.
         settings: settings of every training, such as ``{"bptt.learning_rate": 0.01}``.
-        readings: readings of the paper to judge by: "all", names, or YAML files; None for "text" and "everything".
+        readings: readings to judge by: "all", names, or YAML files; None for "text" and "everything", or, of two arms,
+            all that need no other trainings.
         out: folder of the study; None for one below ``runs`` that is named for what it is of.
         progress: whether bars show how it comes along, or the rich console where they do.
 
@@ -139,7 +145,8 @@ def reproduce(
     """
     folder = None if out is None else as_path("--out", out)
     fixed, chosen = settings_by_name("--set", settings), names("--readings", readings)
-    plan = make_plan(algo, profile, names("--models", models), seeds_text(seeds), quick, jobs, fixed, chosen, folder)
+    of = algo, profile, names("--models", models), seeds_text(seeds), quick, jobs, fixed, chosen, folder
+    plan = make_plan(*of, study, names("--tasks", tasks))
     made = run_plan(plan, ray, progress)
     tell([*filter(None, [made.unjudged]), *notes_on(made.outcomes, made.unsourced)])
     return made
@@ -155,6 +162,8 @@ def make_plan(
     settings: Values,
     readings: Sequence[str] | None,
     folder: Path | None,
+    subject: str = "paper",
+    tasks: Sequence[str] | None = None,
 ) -> Plan:
     """Refuse a study that cannot be, and say what it comes to.
 
@@ -166,14 +175,16 @@ def make_plan(
         quick: whether it is a preview.
         n_jobs: number of trainings at a time; None for one a CPU.
         settings: of every training, as nested dictionaries.
-        readings: readings of the paper, as ``--readings`` takes them; None for the two anchors.
+        readings: readings, as ``--readings`` takes them; None for the usual ones.
         folder: of the study; None for one below ``runs``.
+        subject: what it is about, "paper" or "two_arms".
+        tasks: names of tasks; None for all of them.
 
     Raises:
         UserError: it cannot be.
     """
-    study = _study(algo, profile, models, seeds, flag("--quick", quick), settings)
-    chosen, left_out = readings_for(study, readings or ANCHORS)
+    study = _study(algo, profile, models, seeds, flag("--quick", quick), settings, subject, tasks)
+    chosen, left_out = readings_for(study, readings)
     n_jobs = None if n_jobs is None else whole("--jobs", n_jobs, least=1)
     at_once, threads = side_by_side(n_jobs, len(Grid(study, chosen).tables), algo)
     return Plan(Grid(study, chosen, threads), folder or Path("runs") / study.name, at_once, left_out)
@@ -213,6 +224,8 @@ def _study(
     seeds: str | None,
     quick: bool,
     settings: Values,
+    subject: str,
+    tasks: Sequence[str] | None,
 ) -> Study:
     if seeds is None:
         chosen = Seeds(QUICK_SEEDS if quick else PAPER_SEEDS)
@@ -220,7 +233,8 @@ def _study(
         chosen = parse_seeds(seeds, "--set seed" if "seed" in settings else "")
     requested = models or MODELS
     in_order = dict.fromkeys([*(model for model in MODELS if model in requested), *requested])
-    return Study(algo, profile, chosen.first or 0, chosen.n, quick, settings, tuple(in_order))
+    about = as_subject(subject), tuple(tasks or ())
+    return Study(algo, profile, chosen.first or 0, chosen.n, quick, settings, tuple(in_order), *about)
 
 
 @contextlib.contextmanager

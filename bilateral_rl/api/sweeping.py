@@ -23,7 +23,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import replacing
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.jobs import JobOutcome
-from bilateral_rl.study.measures import measured_metrics
+from bilateral_rl.study.lesioning import measured_metrics
 from bilateral_rl.study.outcome import unsourced
 from bilateral_rl.study.plan import side_by_side
 from bilateral_rl.study.sweep import Sweep, read_sweep

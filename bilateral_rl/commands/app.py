@@ -390,7 +390,12 @@ def reproduce(
     profile: Annotated[str, typer.Option(help="paper, or released for its code's losses and lesions.")] = "paper",
     models: Annotated[
         list[str] | None,
-        typer.Option(help="A model, such as bi_s; may be repeated.", show_default="all"),
+        typer.Option(help="Models, such as bi_s or bi_s,cc_s; may be repeated.", show_default="all"),
+    ] = None,
+    study: Annotated[str, typer.Option(help="paper, or two_arms for the claims on two arms, B1 to B6.")] = "paper",
+    tasks: Annotated[
+        list[str] | None,
+        typer.Option(help="Tasks of the study, such as reach_and_hold; may be repeated.", show_default="all"),
     ] = None,
     seeds: Annotated[
         str | None,
@@ -408,19 +413,21 @@ def reproduce(
         list[str] | None,
         typer.Option(
             metavar="all|NAME|FILE",
-            help="Readings of the paper to judge by, such as everything-speed or a YAML file; may be repeated.",
-            show_default="text and everything",
+            help="Readings to judge by, such as everything-speed or a YAML file; may be repeated.",
+            show_default="text and everything; of two arms, all that need no other trainings",
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the study.", show_default="runs/reproduce-…")] = None,
 ) -> None:
-    """Reproduce the whole paper: seven models, two tasks, lesions, statistics, figures, and a report with verdicts."""
+    """Reproduce the paper, or study two arms: seven models, lesions, statistics, figures, a report with verdicts."""
     from bilateral_rl.commands import reproduce as command
 
     command.reproduce(
         algo=algo,
         profile=profile,
         models=models,
+        study=study,
+        tasks=tasks,
         seeds=seeds,
         quick=quick,
         n_jobs=jobs,

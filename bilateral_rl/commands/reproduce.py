@@ -17,6 +17,7 @@ from bilateral_rl.commands.jobs import ending_if_stopped, print_failures, print_
 from bilateral_rl.config.parse import parse_overrides
 from bilateral_rl.study.agenda import Step
 from bilateral_rl.study.report import counts_of
+from bilateral_rl.study.words import WORDS
 
 _STYLES: dict[Verdict, str] = {"supported": "green", "not supported": "red", "undecided": "yellow"}
 _SHOWN = 3
@@ -28,6 +29,8 @@ def reproduce(
     algo: str,
     profile: str,
     models: Sequence[str] | None,
+    study: str,
+    tasks: Sequence[str] | None,
     seeds: str | None,
     quick: bool,
     n_jobs: int | None,
@@ -37,18 +40,20 @@ def reproduce(
     out: Path | None,
     console: Console,
 ) -> None:
-    """Train, lesion and test models on every task, and report what that says of the paper's claims.
+    """Train, lesion and test models on every task, and report what that says of the paper's claims, or of two arms.
 
     Args:
         algo: the algorithm of every training.
         profile: "paper", or "released" for the losses and lesions of its released code.
-        models: which models; None for all.
+        models: which models; None for all. Several may stand in one word, with commas between.
+        study: "paper", or "two_arms".
+        tasks: which of the study's tasks; None for all. Several may stand in one word, too.
         seeds: networks of each model, as ``--seeds`` takes them; None for the usual number of them.
         quick: whether it is a preview.
         n_jobs: number of trainings at a time; None for one a CPU.
         ray: address of a Ray cluster; None for this machine.
         overrides: settings of every training, as ``--set`` takes them.
-        readings: readings of the paper, as ``--readings`` takes them; None for the two anchors.
+        readings: readings, as ``--readings`` takes them; None for the usual ones.
         out: folder of the study; None for one below ``runs``.
         console: where to print.
 
@@ -57,10 +62,11 @@ def reproduce(
         SystemExit: somebody stopped it.
     """
     began = time.monotonic()
-    plan = make_plan(algo, profile, models, seeds, quick, n_jobs, parse_overrides(overrides), readings, out)
+    of = algo, profile, _apart(models), seeds, quick, n_jobs, parse_overrides(overrides), readings, out
+    plan = make_plan(*of, study, _apart(tasks))
     with ending_if_stopped(console):
         made = run_plan(plan, ray, console, lambda: _announce(plan, console))
-    console.print(_verdicts(made.judgements))
+    console.print(_verdicts(made.judgements, WORDS[plan.study.subject].claim))
     if quick:
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
     for judgement in made.judgements[:_SHOWN]:
@@ -71,6 +77,11 @@ def reproduce(
     print_failures(made.outcomes, console)
     print_unsourced(made.unsourced, console)
     console.print(f"Report: [bold]{_quoted(made.report)}[/bold]", soft_wrap=True, highlight=False)
+
+
+def _apart(words: Sequence[str] | None) -> list[str] | None:
+    """Take words apart at their commas."""
+    return None if words is None else [one.strip() for word in words for one in word.split(",")]
 
 
 def _announce(plan: Plan, console: Console) -> None:
@@ -98,11 +109,11 @@ def _costs(steps: Sequence[Step], at_once: int) -> Table:
     return table
 
 
-def _verdicts(judgements: Sequence[Judgement]) -> Table:
+def _verdicts(judgements: Sequence[Judgement], claim: str) -> Table:
     """The verdicts of a few readings side by side; of many, how many have which."""
     few = len(judgements) <= _SHOWN
     columns = [judgement.reading for judgement in judgements] if few else list(_STYLES)
-    table = Table("", "the paper's claim", *columns, title="Verdicts", title_justify="left")
+    table = Table("", claim, *columns, title="Verdicts", title_justify="left")
     for claims in zip(*(judgement.claims for judgement in judgements), strict=True):
         verdicts = [claim.verdict for claim in claims]
         if few:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bilateral_rl.study.answer import Answer, tally
+from bilateral_rl.study.words import WORDS, Words
 
 CELL = (
     "Each cell: the verdict (✓ supported, ✗ not supported, ? undecided) and the effect of the component that decides "
@@ -22,15 +23,12 @@ CONFIRMING = (
 )
 
 
-def opening(answer: Answer) -> str:
+def opening(answer: Answer, words: Words = WORDS["paper"]) -> str:
     """Say in a few sentences what holds in every reading, in none, and in which reading most."""
     n = len(answer.judgements)
     if n == 1:
-        return _of_one(answer)
-    sentences = [
-        f"The paper leaves open how parts of it were done; each way to fill these gaps is a reading. Its "
-        f"{len(answer.numbers)} claims were judged under {n} readings."
-    ]
+        return _of_one(answer, words)
+    sentences = [f"{words.gaps} {len(answer.numbers)} claims were judged under {n} readings."]
     if answer.in_none == answer.numbers:
         return " ".join([*sentences, f"No claim holds under any of them{_of_none(answer)}."])
     sentences.append(f"{_claims(answer.in_all)} {_holds(answer.in_all)} under every one.")
@@ -78,12 +76,13 @@ def held_in_words(answer: Answer, number: str) -> str:
     return f"supported under {count['supported']} of {n} ({rest})"
 
 
-def _of_one(answer: Answer) -> str:
+def _of_one(answer: Answer, words: Words) -> str:
     (judgement,) = answer.judgements
     count = tally(judgement)
     return (
-        f"Under the reading “{judgement.reading}”, {count['supported']} of the paper's {len(answer.numbers)} claims "
-        f"hold, {count['not supported']} do not, and {count['undecided']} stay undecided. {judgement.why}"
+        f"Under the reading “{judgement.reading}”, {count['supported']} {words.of_claims} "
+        f"{len(answer.numbers)} claims hold, {count['not supported']} do not, and {count['undecided']} stay "
+        f"undecided. {judgement.why}"
     )
 
 

@@ -110,7 +110,7 @@ def _draw_lesions(results: pd.DataFrame, radii: Mapping[str, float]) -> Iterator
 
 def _draw_runs(task: str, radius: float, runs: Mapping[str, list[RunFolder]]) -> Iterator[Drawing]:
     label = task_label(task)
-    yield _curves(label, task, runs)
+    yield draw_learning(task, runs)
     probes = read_probes(run for folders in runs.values() for run in folders)
     if len(probes):
         caption = f"{label}: what each hemisphere does alone, as its network learns."
@@ -140,7 +140,9 @@ def _paths(record: TrialRecord, radius: float, model: str) -> Figure:
     return figure
 
 
-def _curves(label: str, task: str, runs: Mapping[str, list[RunFolder]]) -> Drawing:
+def draw_learning(task: str, runs: Mapping[str, list[RunFolder]]) -> Drawing:
+    """Draw how the networks of each model learned a task."""
+    label = task_label(task)
     history = learning_history(runs)
     supervised, judged = "epoch" in history, PREFERRED[TASK_SPECS[task].judged_by]
     measures = [VALIDATION_LOSS, judged] if supervised else [judged, FINAL_ERROR]

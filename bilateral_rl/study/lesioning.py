@@ -10,6 +10,9 @@ import pandas as pd
 import torch
 from pydantic.dataclasses import dataclass
 
+from bilateral_rl.analysis.goals import STUDY_RADII, distinct_radii
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import measure, metrics_of
 from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import COLUMNS, FRESH, TRAINED, treatment
 from bilateral_rl.analysis.trials import Evaluator
@@ -23,7 +26,6 @@ from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.lesions import INTACT, LESIONS_OF, Lesion, find_lesion
 from bilateral_rl.runs.folder import FINAL, RunFolder
 from bilateral_rl.runs.policies import build_network, load_policies
-from bilateral_rl.study.measures import Measures
 from bilateral_rl.training.fresh_networks import fresh_network
 from bilateral_rl.training.moments import Moments, trained_moments
 from bilateral_rl.training.retraining import Retraining
@@ -113,7 +115,7 @@ class LesionStudy:
         if any(protocol.optimizer == "continued" for protocol in settings.protocols):
             self._moments = trained_moments(folder, list(self._policies), weights)
         self._evaluator = Evaluator(self.config.make_task(), self.config.trial, settings.trials, settings.seed)
-        self._measures = Measures(self.config)
+        self._metrics = measured_metrics(self.config)
 
     def run(self, on_state: OnState = lambda done, total, name: None) -> pd.DataFrame:
         """Test every state, and return the long table of results (:mod:`bilateral_rl.analysis.results`).
@@ -199,10 +201,15 @@ class LesionStudy:
 
     def _measure(self, policy: MotorPolicy, state: Tensors | None, lesion: Lesion) -> dict[str, float]:
         if state is None:
-            return self._measures.none()
+            return {metric.name: float("nan") for metric in self._metrics}
         policy.motor_network.load_state_dict(state)
         with policy.motor_network.lesioned(lesion):
-            return self._measures.of(self._evaluator.run(policy))
+            return measure(self._evaluator.run(policy), self._metrics)
+
+
+def measured_metrics(config: TrainConfig) -> list[Metric]:
+    """The metrics in the results of a run: at the goal radii of every study and at the run's own."""
+    return metrics_of(config.make_task(), distinct_radii([*STUDY_RADII, config.trial.threshold]))
 
 
 def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]:

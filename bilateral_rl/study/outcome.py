@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -82,9 +83,11 @@ class StudyResults:
         return pd.concat(there, ignore_index=True) if there else pd.DataFrame(columns=list(COLUMNS))
 
     def named(self, tables: Iterable[Table]) -> pd.DataFrame:
-        """Return the same with columns that tell trainings and combined lesions apart."""
-        named = [self.of([table]).assign(training=table.training.name, lesions_of=table.lesions) for table in tables]
-        columns = ["training", "lesions_of", *COLUMNS]
+        """Return the same with columns that tell trainings, combined lesions and springs between hands apart."""
+        tables = list(tables)
+        named = [self.of([table]).assign(**_apart(table)) for table in tables]
+        with_spring = any(table.spring is not None for table in tables)
+        columns = ["training", "lesions_of", *(["spring"] if with_spring else []), *COLUMNS]
         there = [table for table in named if len(table)]
         return pd.concat(there, ignore_index=True)[columns] if there else pd.DataFrame(columns=columns)
 
@@ -92,6 +95,11 @@ class StudyResults:
         if table not in self._read:
             self._read[table] = read_result(self._folder / table.path)
         return self._read[table]
+
+
+def _apart(table: Table) -> dict[str, Any]:
+    """What tells results of one state apart, by column."""
+    return {"training": table.training.name, "lesions_of": table.lesions, "spring": table.spring}
 
 
 def runs_of(folder: Path, tables: Iterable[Table]) -> dict[str, list[RunFolder]]:

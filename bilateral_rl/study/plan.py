@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, cast
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.config.catalogue import ALGORITHMS, MODELS, check_choice
@@ -63,7 +63,6 @@ class Study:
     """Names of tasks; empty for all of the subject's."""
 
     def __post_init__(self) -> None:
-        check_choice("study", self.subject, TASKS_OF)
         of_subject = TASKS_OF[self.subject]
         for task in self.tasks:
             check_choice(f"task of the study {self.subject}", task, of_subject)
@@ -142,6 +141,12 @@ class Study:
             return config
         probes: Values = {"evaluation": {"lesion_probe_every": -(-config.timesteps // PROBES)}}
         return resolve(self.algo, task, [probes, calibrated, *layers], model=model)
+
+
+def as_subject(name: str) -> Subject:
+    """Return what a study is about. Raises UserError for anything that there is no study of."""
+    check_choice("study", name, TASKS_OF)
+    return cast(Subject, name)
 
 
 def _of_model(model: str, training: Values) -> Values:

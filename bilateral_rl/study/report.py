@@ -6,7 +6,7 @@ import base64
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,7 @@ import jinja2
 import yaml
 
 from bilateral_rl.analysis.metric import Metric
-from bilateral_rl.analysis.metrics import metrics_of
-from bilateral_rl.claims import Claim, Judgement, margins
+from bilateral_rl.claims import Claim, Judgement
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.labels import model_label, task_label
@@ -30,29 +29,10 @@ from bilateral_rl.study.planning import demand_in_words
 from bilateral_rl.study.report_answer import answer_values
 from bilateral_rl.study.report_penalty import penalty_in_words
 from bilateral_rl.study.report_table import ReportTable
+from bilateral_rl.study.words import WORDS
 
 LOG_LINES, LOG_BYTES = 25, 2**16
 """Largest part of a log that is shown, from its end."""
-_RULE = (
-    "A claim is supported if all its parts are, not supported if any is not, otherwise undecided. A part with a "
-    "direction is supported if the difference is significant (adjusted p < 0.05), and not supported if it is "
-    "significantly the other way or its interval leaves no room for a difference that matters. A part with a size is "
-    "supported if the 95 % interval lies within the range, not supported if it lies outside; a difference is shown to "
-    "be small by two one-sided tests at 2.5 % each, which comes to the same. Seeds are the unit. "
-    "What the paper's words leave open, we set before the claims were computed: a difference matters from "
-    f"{100 * margins.SMALLEST_EFFECT:g} % of the means on; completion agrees within "
-    f"{margins.COMPLETION_TOLERANCE:g} points; about 95 % is {margins.COMPLETES:g} % or more; little, or about as, is "
-    f"within {100 * margins.LITTLE:g} %; almost fully is {100 * margins.RECOVERED:g} % or more, a lot "
-    f"{100 * margins.DROPPED:g} % or less of the intact network; at least as good is {100 * margins.NOT_WORSE:g} % or "
-    "more; other effects agree within half their size."
-)
-_LESIONS = (
-    "Lesions: shallow – a side's input is zero, its biases still flow; deep – a side contributes nothing to the "
-    "output, but still sends over the callosum; callosum – no exchange between the sides. What a hemisphere does alone "
-    "is what the network does after a lesion of the other one, a deep one unless the reading says otherwise. What "
-    "follows a lesion is the reading's protocol. The same is done to a freshly initialized network, the control: a "
-    "state that is not better than it shows what was relearned, not what was kept."
-)
 
 
 @dataclass(frozen=True)
@@ -73,8 +53,10 @@ class Findings:
     judgements: Sequence[Judgement]
     tables: Sequence[ReportTable]
     pictures: Sequence[Picture]
-    radii: Mapping[str, float]
-    """Radius of the goal by task (m), in tables and figures: that of the first reading."""
+    metrics: Sequence[Metric]
+    """What tables and figures show."""
+    radii: Mapping[str, float] = field(default_factory=dict)
+    """Radius of the goal by task (m), in tables and figures: that of the first reading of the paper."""
 
     @property
     def claims(self) -> Sequence[Claim]:
@@ -101,19 +83,20 @@ def counts_of(claims: Sequence[Claim]) -> str:
 
 def _values(findings: Findings) -> dict[str, Any]:
     study, answer = findings.study, Answer(findings.judgements)
+    words = WORDS[study.subject]
     return {
-        "title": f"Left/right brain and motor control: the paper's claims, by {study.algo}",
+        "title": f"{words.title}, by {study.algo}",
         "subtitle": _subtitle(findings),
         "preview": f"{study.seeds} seeds, short trainings and few test trials" if study.quick else "",
-        **answer_values(answer),
+        **answer_values(answer, words),
         "purpose": CONFIRMING if study.purpose == "confirmation" else EXPLORING,
         "demand": demand_in_words,
         "details": [_detail(anchor) for anchor in answer.anchors],
         "calibrated": CALIBRATED_FOR if study.is_calibrated else (),
         "unjudged": unjudged_in_words(answer),
-        "rule": _RULE,
-        "lesions": _LESIONS,
-        "metrics": _metrics(findings.radii),
+        "rule": words.rule,
+        "lesions": words.lesions,
+        "metrics": findings.metrics,
         "tables": findings.tables,
         **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
@@ -123,11 +106,6 @@ def _values(findings: Findings) -> dict[str, Any]:
     }
 
 
-def _metrics(radii: Mapping[str, float]) -> list[Metric]:
-    """The metrics of all tasks, each once."""
-    return list({metric.name: metric for task in radii for metric in metrics_of(task, [radii[task]])}.values())
-
-
 def _detail(judgement: Judgement) -> dict[str, Any]:
     claims = judgement.claims
     return {"name": judgement.reading, "why": judgement.why, "counts": counts_of(claims), "claims": claims}
@@ -135,13 +113,21 @@ def _detail(judgement: Judgement) -> dict[str, Any]:
 
 def _subtitle(findings: Findings) -> str:
     study, radii = findings.study, findings.radii
-    where = f" under “{findings.judgements[0].reading}”" if len(findings.judgements) > 1 else ""
     trained = f"profile {study.profile}, " if study.algo == "bptt" else ""
     names = [model_label(model) for model in study.models]
     models = f"{len(names)} of seven models ({', '.join(names)})" if len(names) < len(MODELS) else "seven models"
+    networks = f"{trained}{study.seeds} seeds each"
+    if study.subject == "two_arms":
+        tasks = ", ".join(task_label(task).lower() for task in study.tasks)
+        return (
+            f"The task of Woytowicz, Westlake, Whitall & Sainburg 2018 (doi:10.1152/jn.00878.2017): {models} on "
+            f"{tasks}, {networks}. Verdicts are computed from the results."
+        )
+    where = f" under “{findings.judgements[0].reading}”" if len(findings.judgements) > 1 else ""
+    on = "two tasks" if len(study.tasks) > 1 else task_label(study.tasks[0]).lower()
     return (
-        f"Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: {models} on two tasks, "
-        f"{trained}{study.seeds} seeds each. Goal radius{where}: reach {100 * radii['random_reach']:g} cm, "
+        f"Rinaldo, Friedman, Kuhlmann & Kowadlo, arXiv 2401.14057: {models} on {on}, {networks}. "
+        f"Goal radius{where}: reach {100 * radii['random_reach']:g} cm, "
         f"hold {100 * radii['hold_position']:g} cm. Verdicts are computed from the results."
     )
 

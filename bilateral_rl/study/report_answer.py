@@ -8,15 +8,18 @@ from typing import Any
 from bilateral_rl.claims import Claim, Judgement
 from bilateral_rl.study.answer import Answer, chosen_otherwise, n_supported, tally
 from bilateral_rl.study.answer_in_words import CELL, held_in_words, opening, turns_in_words
+from bilateral_rl.study.words import Words
 
 SIGNS = {"supported": "✓", "not supported": "✗", "undecided": "?"}
 
 
-def answer_values(answer: Answer) -> dict[str, Any]:
+def answer_values(answer: Answer, words: Words) -> dict[str, Any]:
     """Return what the report's template shows of the answer."""
     return {
         "many": len(answer.judgements) > 1,
-        "opening": opening(answer),
+        "opening": opening(answer, words),
+        "claim_column": words.claim,
+        "reading_is": words.reading,
         "summary": [_summary(answer, number) for number in answer.numbers],
         "cell_meaning": CELL,
         "numbers": answer.numbers,

@@ -1,37 +1,55 @@
-"""The whole paper: every training, its lesions, the statistics, the figures and the report."""
+"""What follows from the results of a study: claims, statistics, figures and the report."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from bilateral_rl.analysis.goals import JUDGED_RADII
+from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.claims import Judgement, evaluate_claims
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.files import replacing
 from bilateral_rl.study.answer import Answer
 from bilateral_rl.study.answer_drawing import draw_answer
 from bilateral_rl.study.drawing import draw_study
+from bilateral_rl.study.exhibits import Exhibits, Runs
 from bilateral_rl.study.grid import Grid
 from bilateral_rl.study.jobs import JobOutcome
 from bilateral_rl.study.outcome import StudyResults, runs_of
 from bilateral_rl.study.planning import seeds_of_components, seeds_table
-from bilateral_rl.study.readings import Reading
+from bilateral_rl.study.reading_tables import AnyReading
 from bilateral_rl.study.report import Findings, Picture, write_report
 from bilateral_rl.study.report_penalty import penalty_table
 from bilateral_rl.study.report_table import ReportTable
 from bilateral_rl.study.sides_table import sides_tables
 from bilateral_rl.study.tables import study_tables
 from bilateral_rl.study.trainings import Table
+from bilateral_rl.study.two_arms.exhibits import exhibits_of_hands
+from bilateral_rl.study.two_arms.judging import judge_hands
+from bilateral_rl.study.two_arms.readings import HandReading
 
 REPORT, RESULTS, CLAIMS, ANSWER, POWER = "report.html", "results.csv", "claims.csv", "answer.csv", "power.csv"
 
 _FIRST_WORDS = (
     *("curve", "deep_minus_shallow", "hemispheres", "learning", "lesions", "models", "muscles", "pairs", "paths"),
-    *("penalty", "posthoc", "seeds", "sides", "specialization", "speed", "tests"),
+    *(
+        "penalty",
+        "posthoc",
+        "seeds",
+        "sides",
+        "specialization",
+        "speed",
+        "tests",
+        "hands",
+        "roles",
+        "arms",
+        "callosum",
+        "learned",
+    ),
 )
 """How the names of a study's figures and tables begin."""
 _SUFFIXES = (".csv", ".pdf", ".png")
@@ -59,28 +77,45 @@ def conclude(
     """
     read = StudyResults(folder)
     say("computing the claims")
-    judgements = [_judge(reading, read.of(grid.tables_of(reading))) for reading in grid.readings]
-    answer = Answer(judgements)
-    shown, radii = _shown(grid), grid.readings[0].criteria.radii
-    results = read.of(shown)
+    judgements = [_judge(reading, grid, read) for reading in grid.readings]
+    answer, shown = Answer(judgements), _shown(grid)
     configs = list(dict.fromkeys(table.training.config for table in shown))
-    runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in JUDGED_RADII}
-    tables = [seeds_table(answer), penalty_table(configs), *study_tables(results, radii), *sides_tables(runs)]
+    runs = {task: runs_of(folder, [t for t in shown if t.training.config.task == task]) for task in grid.study.tasks}
+    exhibits = _exhibits(grid, read, shown, runs)
+    tables = [seeds_table(answer), penalty_table(configs), *exhibits.tables, *sides_tables(runs)]
     _write(read.named(grid.all_tables), answer, tables, folder)
     say("drawing the figures")
     pictures = [
         Picture(save(drawing.figure, folder / "figures" / drawing.name)[0], drawing.caption)
-        for drawing in (*draw_answer(answer), *draw_study(results, radii, runs))
+        for drawing in (*draw_answer(answer), *exhibits.drawings)
     ]
     _remove_outdated(folder / "figures", [picture.png.stem for picture in pictures])
     say("writing the report")
-    write_report(Findings(grid.study, configs, outcomes, judgements, tables, pictures, radii), folder / REPORT)
+    told = tables, pictures, exhibits.metrics, exhibits.radii
+    write_report(Findings(grid.study, configs, outcomes, judgements, *told), folder / REPORT)
     return judgements
 
 
-def _judge(reading: Reading, results: pd.DataFrame) -> Judgement:
-    claims = evaluate_claims(results, reading.criteria)
+def _judge(reading: AnyReading, grid: Grid, read: StudyResults) -> Judgement:
+    if isinstance(reading, HandReading):
+        return judge_hands(reading, grid.tables_of(reading), read)
+    claims = evaluate_claims(read.of(grid.tables_of(reading)), reading.criteria)
     return Judgement(reading.name, claims, reading.anchor, reading.choices, reading.why, reading.source)
+
+
+def _exhibits(grid: Grid, read: StudyResults, shown: Sequence[Table], runs: Runs) -> Exhibits:
+    """What the first reading's results are shown by."""
+    first = grid.readings[0]
+    if isinstance(first, HandReading):
+        return exhibits_of_hands(first, shown, read, runs)
+    results, radii = read.of(shown), {task: first.criteria.radii[task] for task in grid.study.tasks}
+    drawings = draw_study(results, radii, runs)
+    return Exhibits(list(study_tables(results, radii)), drawings, metrics_shown(radii), first.criteria.radii)
+
+
+def metrics_shown(radii: Mapping[str, float]) -> list[Metric]:
+    """Return the metrics of tasks at the radii of their goals (m), each once."""
+    return list({metric.name: metric for task in radii for metric in metrics_of(task, [radii[task]])}.values())
 
 
 def _shown(grid: Grid) -> list[Table]:

@@ -5,19 +5,20 @@ import pandas as pd
 from made_up_results import standard_noise
 from treatments import treated
 
-from bilateral_rl.analysis.hand_metrics import COMBINED_LOSS, HAND_METRICS, hand_metric
+from bilateral_rl.analysis.metric import ROLES
+from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.results import COLUMNS
+from bilateral_rl.claims.two_arms.evidence import metric_of_hand
 from bilateral_rl.vocabulary import SIDES
 
 MODELS = ("bi_ns", "bi_s", "cc_ns", "cc_s")
 SPRINGS = (50.0, 0.0)
-USUAL = {"extent": 95, "completion_3cm": 85, "completion_5cm": 96, "speed_to_goal": 1.5, "final_error": 2,
-         "max_deviation": 4, "max_deviation_until_2cm": 4, "direction_error": 12, "direction_error_until_2cm": 12,
-         "path_ratio": 1.2, "path_ratio_until_2cm": 1.2, "rms_error": 2, "drift": 2, "steps_1cm": 15, "steps_2cm": 30,
-         "steps_5cm": 48}  # fmt: skip
+STRAIGHT = ("perpendicular_deviation_until_2cm", "perpendicular_deviation", "initial_direction_error_until_2cm",
+            "initial_direction_error", "path_length_ratio_until_2cm", "path_length_ratio")  # fmt: skip
+USUAL = {"extent": 95, "goal_completion_3cm": 85, "goal_completion_5cm": 96, "final_error": 2, "hold_rms_error": 2,
+         "hold_drift": 2, "time_in_goal_1cm": 15, "time_in_goal_2cm": 30, "time_in_goal_5cm": 48,
+         **dict.fromkeys(STRAIGHT, 4)}  # fmt: skip
 """Of every hand without an effect."""
-STRAIGHT = ("max_deviation_until_2cm", "max_deviation", "direction_error_until_2cm", "direction_error",
-            "path_ratio_until_2cm", "path_ratio")  # fmt: skip
 _IN_THE_NOISE = 0.002
 
 
@@ -56,7 +57,7 @@ class World:
             for model in (m for m in MODELS if m not in self.without):
                 for lesion, protocol in _states(model):
                     treatment = treated(protocol)
-                    for name, mean in self._means(model, lesion, spring).items():
+                    for name, mean in self._means(task, model, lesion, spring).items():
                         values = mean * (1 + self.noise * rng.permutation(noise))
                         for seed in self.stuck.get(model, ()):
                             values[seed] = _stuck(name, values[seed])
@@ -64,13 +65,15 @@ class World:
                                  for seed, value in enumerate(values)]  # fmt: skip
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    def _means(self, model, lesion, spring):
+    def _means(self, task, model, lesion, spring):
         """By the name of the metric."""
-        means = {COMBINED_LOSS: 0.05 * (self.harm[spring] if lesion == "callosum" else 1.0)}
-        for name, metric in HAND_METRICS.items():
-            for role in metric.roles:
+        loss = self.harm[spring] if lesion == "callosum" else 1.0
+        means = {"return_dominant": -1.5 * loss, "return_non_dominant": -0.5 * loss}
+        for name in USUAL:
+            needed = find_metric(name).part.role
+            for role in ROLES if needed is None else (needed,):
                 for hand in SIDES:
-                    means[hand_metric(name, hand, role).name] = self._mean(model, lesion, name, hand, role)
+                    means[metric_of_hand(name, task, hand, role)] = self._mean(model, lesion, name, hand, role)
         return means
 
     def _mean(self, model, lesion, name, hand, role):
@@ -78,7 +81,7 @@ class World:
         if name in STRAIGHT:
             mean *= 1 + sign * self.straighter.get(model, 0) / 2
         if role == "hold":
-            up = 1 if HAND_METRICS[name].better == "lower" else -1
+            up = 1 if find_metric(name).better == "lower" else -1
             mean *= 1 - sign * up * self.steadier.get(model, 0) / 2
         side = lesion.removeprefix("deep_")
         if side in SIDES and role == "reach":

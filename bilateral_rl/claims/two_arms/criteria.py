@@ -7,8 +7,8 @@ from typing import Literal
 
 from bilateral_rl.analysis.protocols import Protocol
 
-Straightness = Literal["max_deviation", "direction_error", "path_ratio"]
-Steadiness = Literal["rms_error", "drift", "steps_1cm", "steps_2cm", "steps_5cm"]
+Straightness = Literal["perpendicular_deviation", "initial_direction_error", "path_length_ratio"]
+Steadiness = Literal["hold_rms_error", "hold_drift", "time_in_goal_1cm", "time_in_goal_2cm", "time_in_goal_5cm"]
 Judged = Literal["until_2cm", "whole"]
 
 
@@ -16,11 +16,11 @@ Judged = Literal["until_2cm", "whole"]
 class HandCriteria:
     """What B1 to B6 are judged by."""
 
-    straightness: Straightness = "max_deviation"
+    straightness: Straightness = "perpendicular_deviation"
     """By what a reach is called straight."""
     judged: Judged = "until_2cm"
     """Which part of a reach: until the hand first comes within 2 cm of the target, or the whole trial."""
-    steadiness: Steadiness = "rms_error"
+    steadiness: Steadiness = "hold_rms_error"
     """By what a hold is called stable."""
     spring: float = 50.0
     """Stiffness of the spring (N/m) with which the networks learned, and with which B1 to B4 are tested."""

@@ -9,12 +9,13 @@ from dataclasses import replace
 import pandas as pd
 
 from bilateral_rl.analysis.floor import is_above
-from bilateral_rl.analysis.hand_metrics import COMBINED_LOSS, HAND_METRICS, Role, hand_metric
-from bilateral_rl.analysis.metric import Better, Metric
+from bilateral_rl.analysis.metric import Better, Metric, Role
+from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.claims.evidence import Measure, Sample
 from bilateral_rl.claims.two_arms.criteria import HandCriteria
+from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, lesion_words
 from bilateral_rl.vocabulary import SIDES, Side
@@ -73,7 +74,7 @@ class HandEvidence:
         """Return a measure of one hand in one role.
 
         Args:
-            measure: a name in :data:`~bilateral_rl.analysis.hand_metrics.HAND_METRICS`.
+            measure: name of the metric, of either hand.
             model: name of the model.
             hand: whose.
             role: of the hand.
@@ -83,30 +84,35 @@ class HandEvidence:
         """
         name = f"{hand.replace('_', '-')} hand of {model}"
         name += "" if lesion == INTACT else f" with {lesion_words(lesion)} lesion"
-        label = HAND_METRICS[measure]
-        shown = Measure(replace(hand_metric(measure, hand, role), label=label.label), self.task)
-        values = self._values(hand_metric(measure, hand, role).name, State(self.task, model, lesion, protocol), spring)
-        return Sample(name, State(self.task, model, lesion, protocol), shown, values)
+        state = State(self.task, model, lesion, protocol)
+        values = self._values(metric_of_hand(measure, self.task, hand, role), state, spring)
+        return Sample(name, state, Measure(find_metric(measure), self.task), values)
 
     def loss(self, model: str, *, spring: float, lesion: str, protocol: str) -> pd.Series:
-        """Return the combined loss by seed."""
-        return self._values(COMBINED_LOSS, State(self.task, model, lesion, protocol), spring)
+        """Return the combined loss by seed, of both arms and summed over a trial."""
+        return self._loss(State(self.task, model, lesion, protocol), spring)
 
     def is_relearned(self, model: str, *, spring: float, lesion: str, protocol: str) -> bool:
         """Whether networks lose no less than freshly initialized ones that the same was done to; no if nobody knows."""
         state = State(self.task, model, lesion, protocol)
         states = (state, state.control, state.after(INTACT))
-        table = pd.concat([self._values(COMBINED_LOSS, one, spring) for one in states], axis=1, join="inner")
+        table = pd.concat([self._loss(one, spring) for one in states], axis=1, join="inner")
         return is_above(*(-table.iloc[:, i] for i in range(3))) is False
 
     def has(self, model: str) -> bool:
         """Whether there is any result of the model in the task, whatever it is worth."""
         return any(((table["model"] == model) & (table["task"] == self.task)).any() for table in self._results.values())
 
+    def seeds(self, model: str) -> list[int]:
+        """Return the seeds of the intact networks of which there are results, whether they learned or not."""
+        values = self._raw("final_error", State(self.task, model), None)
+        return sorted(map(int, values.index))
+
     def not_learned(self, model: str) -> list[int]:
         """Return the seeds whose intact network never learned the task (:data:`NOT_LEARNED`), in rising order."""
         if model not in self._not_learned:
-            extents = [self._raw(_extent(hand), State(self.task, model), None) for hand in SIDES]
+            names = [metric_of_hand("extent", self.task, hand, "reach") for hand in SIDES]
+            extents = [self._raw(name, State(self.task, model), None) for name in names]
             table = pd.concat(extents, axis=1, join="outer").min(axis=1)
             self._not_learned[model] = sorted(map(int, table.index[table < NOT_LEARNED]))
         return self._not_learned[model]
@@ -117,6 +123,11 @@ class HandEvidence:
             f"{model} {', '.join(map(str, seeds))}" for model in models if (seeds := self.not_learned(model))
         ]  # fmt: skip
         return f"never learned and left out, by seed: {'; '.join(parts).replace(';', ' and')}" if parts else ""
+
+    def _loss(self, state: State, spring: float) -> pd.Series:
+        """Half of both losses, of which rewards are the negative."""
+        losses = [self._values(f"return_{side}", state, spring) for side in SIDES]
+        return -pd.concat(losses, axis=1, join="inner").mean(axis=1, skipna=False)
 
     def _values(self, metric: str, state: State, spring: float | None) -> pd.Series:
         values = self._raw(metric, state, spring)
@@ -136,5 +147,6 @@ def derived(label: str, unit: str, task: str, better: Better = "lower") -> Measu
     return Measure(Metric("derived", label, unit, (), better, label, lambda record: math.nan), task)
 
 
-def _extent(hand: Side) -> str:
-    return hand_metric("extent", hand, "reach").name
+def metric_of_hand(measure: str, task: str, hand: Side, role: Role) -> str:
+    """Return the name of a metric of one hand; its role is told where hands have either in a task."""
+    return find_metric(measure).of(hand, role if make_task(task).has_roles else None).name

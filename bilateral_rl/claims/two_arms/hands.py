@@ -16,7 +16,7 @@ from dataclasses import replace
 import pandas as pd
 
 from bilateral_rl.analysis.formats import mean_sd
-from bilateral_rl.analysis.hand_metrics import Role
+from bilateral_rl.analysis.metric import Role
 from bilateral_rl.analysis.results import State
 from bilateral_rl.analysis.samples import finite, join_notes
 from bilateral_rl.claims.claim import Aside, Component
@@ -37,8 +37,8 @@ OWN_ROLE: dict[Role, Side] = {"reach": "dominant", "hold": "non_dominant"}
 """Which hand a role belongs to, by the claims."""
 _PARTS: dict[Judged, str] = {"until_2cm": "until within 2 cm", "whole": "over the whole trial"}
 _STRAIGHT = {
-    "initial direction error": HandCriteria(straightness="direction_error"),
-    "path length ratio": HandCriteria(straightness="path_ratio"),
+    "initial direction error": HandCriteria(straightness="initial_direction_error"),
+    "path length ratio": HandCriteria(straightness="path_length_ratio"),
     "maximal perpendicular deviation": HandCriteria(),
 }
 
@@ -68,9 +68,9 @@ def steadier_holds(evidence: HandEvidence) -> list[Component]:
 def holds_judged_otherwise(evidence: HandEvidence) -> list[Aside]:
     """B2 by the measures that do not decide; and whether that hand ends its reaches closer, too."""
     others = {
-        "RMS error": "rms_error",
-        "drift": "drift",
-        **{f"steps within {radius} cm": f"steps_{radius}cm" for radius in (1, 2, 5)},
+        "RMS error": "hold_rms_error",
+        "drift": "hold_drift",
+        **{f"steps within {radius} cm": f"time_in_goal_{radius}cm" for radius in (1, 2, 5)},
     }
     asides = [
         Aside(f"by {words}", tuple(_better_in_own_role(evidence, "hold", name)))

@@ -144,7 +144,7 @@ def _contralesional(evidence: HandEvidence) -> list[Component]:
     contrasts = []
     for model in SPECIALIZED:
         for side in SIDES:
-            what = model, side, side, "completion_5cm", _FREE
+            what = model, side, side, "goal_completion_5cm", _FREE
             after, before = (_reaching(evidence, *what, lesioned=lesioned) for lesioned in (True, False))
             contrasts.append(Contrast(before, after, paired=True))
     return holm_family(contrasts)

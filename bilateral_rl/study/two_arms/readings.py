@@ -31,16 +31,16 @@ _TRAINED = {
 }
 """Settings of trainings that shipped readings differ in, in words."""
 _STRAIGHT: dict[Straightness, str] = {
-    "max_deviation": "the maximal perpendicular deviation",
-    "direction_error": "the initial direction error",
-    "path_ratio": "the path length ratio",
+    "perpendicular_deviation": "the maximal perpendicular deviation",
+    "initial_direction_error": "the initial direction error",
+    "path_length_ratio": "the path length ratio",
 }
 _STEADY: dict[Steadiness, str] = {
-    "rms_error": "the RMS error",
-    "drift": "the drift",
-    "steps_1cm": "the steps within 1 cm",
-    "steps_2cm": "the steps within 2 cm",
-    "steps_5cm": "the steps within 5 cm",
+    "hold_rms_error": "the RMS error",
+    "hold_drift": "the drift",
+    "time_in_goal_1cm": "the steps within 1 cm",
+    "time_in_goal_2cm": "the steps within 2 cm",
+    "time_in_goal_5cm": "the steps within 5 cm",
 }
 _PART: dict[Judged, str] = {"until_2cm": "until within 2 cm of the target", "whole": "over the whole trial"}
 
@@ -67,11 +67,11 @@ class HandReading:
     """What follows the cut of the callosum (B5)."""
     deep: Protocol = field(default_factory=lambda: Protocol("none"))
     """What follows a deep lesion (B6)."""
-    straightness: Straightness = "max_deviation"
+    straightness: Straightness = "perpendicular_deviation"
     """By what a reach is called straight."""
     judged: Judged = "until_2cm"
     """Which part of a reach is judged: until the hand first comes within 2 cm of the target, or all of the trial."""
-    steadiness: Steadiness = "rms_error"
+    steadiness: Steadiness = "hold_rms_error"
     """By what a hold is called stable."""
 
     def __post_init__(self) -> None:

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from made_up_hands import STRAIGHT, World
 
-from bilateral_rl.analysis.hand_metrics import COMBINED_LOSS
 from bilateral_rl.claims.two_arms.criteria import HandCriteria
 from bilateral_rl.claims.two_arms.evaluation import CLAIMS, evaluate_hand_claims
 from bilateral_rl.claims.two_arms.evidence import HandEvidence
@@ -105,7 +104,9 @@ def test_the_callosum_is_judged_by_what_its_cut_costs_relative_to_intact(harm, v
 def test_a_cut_that_is_no_better_than_fresh_networks_is_told():
     results = World().results()
     for spring, table in results.items():
-        fresh = table[(table["metric"] == COMBINED_LOSS) & (table["lesion"] == "callosum")].assign(network="fresh")
+        fresh = table[table["metric"].str.startswith("return") & (table["lesion"] == "callosum")].assign(
+            network="fresh"
+        )
         fresh["value"] *= 0.9 if spring else 2.0
         results[spring] = pd.concat([table, fresh], ignore_index=True)
     components = CLAIMS["B5"].components(HandEvidence(results, DEFAULT))
@@ -167,20 +168,22 @@ def test_models_that_are_missing_leave_their_claims_undecided():
 def test_what_decides_can_be_read_otherwise():
     results = World().results()
     for table in results.values():
-        rows = table["metric"].str.startswith("reach_path_ratio_non_dominant") & (table["model"] == "bi_s")
+        rows = table["metric"].str.startswith("path_length_ratio_of_non_dominant_reach") & (table["model"] == "bi_s")
         table.loc[rows, "value"] = 1.0
     for criteria, verdict in (
         (HandCriteria(), SUPPORTED),
-        (HandCriteria(straightness="path_ratio"), SUPPORTED),  # until within 2 cm, which did not change
-        (HandCriteria(straightness="path_ratio", judged="whole"), NOT),
-        (HandCriteria(straightness="direction_error", judged="whole"), SUPPORTED),
+        (HandCriteria(straightness="path_length_ratio"), SUPPORTED),  # until within 2 cm, which did not change
+        (HandCriteria(straightness="path_length_ratio", judged="whole"), NOT),
+        (HandCriteria(straightness="initial_direction_error", judged="whole"), SUPPORTED),
     ):
         claim = CLAIMS["B1"].evaluate("B1", HandEvidence(results, criteria))
         assert claim.verdict == verdict
         assert len(claim.beside) == 5  # the other measures, over both parts of the trial
 
 
-@pytest.mark.parametrize("steadiness", ["rms_error", "drift", "steps_1cm", "steps_2cm", "steps_5cm"])
+@pytest.mark.parametrize(
+    "steadiness", ["hold_rms_error", "hold_drift", "time_in_goal_1cm", "time_in_goal_2cm", "time_in_goal_5cm"]
+)
 def test_steadiness_is_the_same_whichever_way_it_counts(steadiness):
     for claim in judged("B2", "B3", criteria=HandCriteria(steadiness=steadiness)):
         assert claim.verdict == SUPPORTED

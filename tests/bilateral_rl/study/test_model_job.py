@@ -15,7 +15,7 @@ from bilateral_rl.config.parse import merge
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder, find_runs
-from bilateral_rl.study.measures import measured_metrics
+from bilateral_rl.study.lesioning import measured_metrics
 from bilateral_rl.study.model_job import find_run, is_run_of, train_and_measure
 from bilateral_rl.training import checkpoint, supervised
 from bilateral_rl.training import run as training

@@ -25,6 +25,7 @@ from bilateral_rl.study.plan import Study
 from bilateral_rl.study.readings import load_readings
 from bilateral_rl.study.report import LOG_LINES, Findings, Picture, counts_of, write_report
 from bilateral_rl.study.report_table import ReportTable
+from bilateral_rl.study.reproduction import metrics_shown
 
 VOID = {"meta", "img", "br"}
 BAD = "<script>alert('1 < 2 & \"so\"')</script>"
@@ -114,7 +115,8 @@ def page(tmp_path):
         outcomes = outcomes or [JobOutcome(job, JobState.DONE, 90.0) for job in jobs_of(study)]
         path = tmp_path / "report.html"
         judgements = judgements or [Judgement("text", claims)]
-        write_report(Findings(study, study.configs(), outcomes, judgements, tables, pictures, radii), path)
+        metrics = metrics_shown(radii)
+        write_report(Findings(study, study.configs(), outcomes, judgements, tables, pictures, metrics, radii), path)
         return Page(path)
 
     return make

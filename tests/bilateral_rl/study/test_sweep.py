@@ -10,7 +10,7 @@ from treatments import AS_TRAINED
 from bilateral_rl.analysis.results import COLUMNS
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.study.measures import measured_metrics
+from bilateral_rl.study.lesioning import measured_metrics
 from bilateral_rl.study.sweep import (
     MAX_POINTS,
     Sweep,
