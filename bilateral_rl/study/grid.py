@@ -65,7 +65,7 @@ class Grid:
         if not missing:
             return 0.0
         to_train = 0.0 if training.is_made(folder) else training_seconds(training.config)
-        return to_train + sum(table_seconds(training.config, table.protocol) for table in missing)
+        return to_train + sum(table_seconds(training.config, table.protocol, table.lesions_tested) for table in missing)
 
     def jobs(self, folder: Path) -> list[Job]:
         """One job for each training, which trains and makes the tables that are not in ``folder`` yet."""

@@ -79,6 +79,11 @@ class Table:
         return self.protocol.name + lesions + ("" if self.spring is None else f"-spring-{self.spring:g}")
 
     @property
+    def lesions_tested(self) -> int | None:
+        """How many lesions it is of; None for all that the networks can have."""
+        return None if self.states is None else len([name for name in self.states if name != INTACT])
+
+    @property
     def path(self) -> str:
         """The file that takes it, relative to the study's folder."""
         training = self.training

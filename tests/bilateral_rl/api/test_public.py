@@ -30,8 +30,8 @@ SIGNATURES = {
     "plot_paths": "(recording, ax=None, *, trials=12, seed=None, lesion=None)",
     "plot_speeds": "(recording, ax=None)",
     "render": f"(*runs, out=None, {FILM})",
-    "reproduce": "(algo='bptt', profile='paper', models=None, *, seeds=None, quick=False, jobs=None, ray=None, "
-    "settings=None, readings=None, out=None, progress=True)",
+    "reproduce": "(algo='bptt', profile='paper', models=None, *, study='paper', tasks=None, seeds=None, "
+    "quick=False, jobs=None, ray=None, settings=None, readings=None, out=None, progress=True)",
     "sweep": "(grid, algo='bptt', *, seeds=None, settings=None, trials=1024, jobs=None, ray=None, out='runs/sweep', "
     "progress=True)",
     "train": "(algo=None, model=None, task=None, *, timesteps=None, epochs=None, seeds=None, profile=None, seed=None, "
