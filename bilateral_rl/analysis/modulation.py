@@ -93,6 +93,14 @@ class SideModulation:
             totals[arm] += self.modulation[path]
         return totals
 
+    def of_arm(self, arm: int) -> SideModulation:
+        """Return the same of one arm alone, by side."""
+        paths: dict[str, str] = {side: path for path, (of, side) in path_names(self.n_arms).items() if of == arm}
+        modulation, constant = (
+            {side: values[path] for side, path in paths.items()} for values in (self.modulation, self.constant)
+        )
+        return SideModulation(modulation, constant)
+
     @classmethod
     def from_measures(cls, measures: Mapping[str, float]) -> SideModulation:
         """Return the modulation that :meth:`measures` came from."""

@@ -104,7 +104,7 @@ class LesionStudy:
     ) -> None:
         if not settings.protocols:
             raise UserError("A lesion study needs a protocol, if only that without retraining.")
-        self.settings, self.config = settings, _with_spring(folder.config(), settings.spring)
+        self.settings, self.config = settings, with_spring(folder.config(), settings.spring)
         self.names = state_names(self.config, settings.lesions)
         self._lesions = _lesions_of(self.config, settings.profile)
         self._policies = load_policies(folder, weights, only)
@@ -231,7 +231,7 @@ def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]
     return [INTACT, *(name for name in dict.fromkeys(lesions) if name != INTACT)]
 
 
-def _with_spring(config: TrainConfig, stiffness: float | None) -> TrainConfig:
+def with_spring(config: TrainConfig, stiffness: float | None) -> TrainConfig:
     """The configuration with another spring between the hands. Raises UserError if there is but one."""
     if stiffness is None:
         return config

@@ -28,16 +28,25 @@ def sides_tables(runs: Mapping[str, Mapping[str, Sequence[RunFolder]]]) -> Itera
         runs: the runs that are done, by task and model.
     """
     rows = [
-        [f"{task_label(task)}, {model_label(model)}", *_cells(sides)]
+        [f"{task_label(task)}, {model_label(model)}{arm}", *_cells(sides)]
         for task, of_task in runs.items()
         for model, of_model in of_task.items()
-        if (sides := [side for run in of_model for side in _sides(run)])
+        for arm, sides in _by_arm([side for run in of_model for side in _sides(run)]).items()
     ]
     names = [side.replace("_", "-") for side in SIDES]
     columns = ["", *(f"{quantity}, {name}" for name in names for quantity in ("share (%)", "constant part"))]
     if rows:
         title = "What each side supplies"
         yield ReportTable("sides", title, [*columns, *(f"silent, {name}" for name in names)], rows, _NOTE)
+
+
+def _by_arm(sides: Sequence[SideModulation]) -> dict[str, list[SideModulation]]:
+    """What sides supply to each arm, by the end of its row's name; nothing where there are no sides."""
+    if not sides:
+        return {}
+    if sides[0].n_arms == 1:
+        return {"": list(sides)}
+    return {f", {name.replace('_', '-')} arm": [side.of_arm(arm) for side in sides] for arm, name in enumerate(SIDES)}
 
 
 def _cells(sides: Sequence[SideModulation]) -> list[str]:

@@ -105,7 +105,7 @@ class HandEvidence:
 
     def seeds(self, model: str) -> list[int]:
         """Return the seeds of the intact networks of which there are results, whether they learned or not."""
-        values = self._raw("final_error", State(self.task, model), None)
+        values = self._raw("return_dominant", State(self.task, model), None)
         return sorted(map(int, values.index))
 
     def not_learned(self, model: str) -> list[int]:

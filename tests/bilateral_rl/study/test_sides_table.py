@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from bilateral_rl.analysis.modulation import side_modulation
+from bilateral_rl.analysis.modulation import SideModulation, side_modulation
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.runs.policies import load_policies
 from bilateral_rl.study.sides_table import sides_tables
@@ -43,6 +43,20 @@ def test_a_side_whose_weight_is_0_is_silent(bptt_run, monkeypatch):
     n = len(load_policies(bptt_run))
     assert table.rows[0][1].startswith("0.0 ± 0")
     assert table.rows[0][-2] == f"{n} of {n}"
+
+
+def test_of_two_arms_each_has_a_row(bptt_run, monkeypatch):
+    paths = ("dominant_arm/dominant", "dominant_arm/non_dominant", "non_dominant_arm/dominant",
+             "non_dominant_arm/non_dominant")  # fmt: skip
+    supplied = SideModulation(dict(zip(paths, (3.0, 1.0, 1.0, 19.0), strict=True)), dict.fromkeys(paths, 0.5))
+    monkeypatch.setattr("bilateral_rl.study.sides_table.side_modulation", lambda *_: supplied)
+    (table,) = sides_tables({"reach_and_hold": {"cc_s": [bptt_run]}})
+    n = len(load_policies(bptt_run))
+    assert [row[0] for row in table.rows] == [
+        f"Reach and hold, CC-S, {name} arm" for name in ("dominant", "non-dominant")
+    ]
+    assert [row[1].split()[0] for row in table.rows] == ["75.0", "5.0"]
+    assert [row[-2] for row in table.rows] == [f"0 of {n}", f"{n} of {n}"]
 
 
 def test_networks_without_sides_have_no_table(tmp_path, small_bptt):
