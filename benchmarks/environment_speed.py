@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,26 +36,32 @@ EVERYTHING = {
 }
 
 
-def alternately(steps: Sequence[Callable[[], object]], arms: int) -> list[float]:
+def alternately(rounds: Sequence[Callable[[], float]], arms: int) -> list[float]:
     """Arm-steps per second of several things that are done in turn: of each the best of many rounds."""
-    times = np.empty((ROUNDS, len(steps)))
-    for row in times:
-        for i, step in enumerate(steps):
-            began = time.perf_counter()
-            for _ in range(STEPS):
-                step()
-            row[i] = time.perf_counter() - began
+    times = np.array([[seconds() for seconds in rounds] for _ in range(ROUNDS)])
     return (STEPS * arms / times.min(axis=0)).tolist()
 
 
-def batched(task: TaskLike, n_envs: int = 1024) -> Callable[[], object]:
+def timed(step: Callable[[], object]) -> Callable[[], float]:
+    """A round of ``step`` that returns its seconds."""
+
+    def seconds() -> float:
+        began = time.perf_counter()
+        for _ in range(STEPS):
+            step()
+        return time.perf_counter() - began
+
+    return seconds
+
+
+def batched(task: TaskLike, n_envs: int = 1024) -> Callable[[], float]:
     env = ArmVecEnv(n_envs, task, seed=0, trial_length=STEPS)
     env.reset()
-    action = np.random.default_rng(0).uniform(-1, 1, (n_envs, 6)).astype(np.float32)
-    return lambda: env.step(action)
+    action = np.random.default_rng(0).uniform(-1, 1, (n_envs, *env.action_space.shape)).astype(np.float32)
+    return timed(lambda: env.step(action))
 
 
-def single() -> Callable[[], object]:
+def single() -> Callable[[], float]:
     env = ArmEnv()
     env.reset(seed=0)
     action = np.random.default_rng(0).uniform(-1, 1, 6).astype(np.float32)
@@ -59,10 +71,25 @@ def single() -> Callable[[], object]:
         if truncated:
             env.reset()
 
-    return step
+    return timed(step)
 
 
-if __name__ == "__main__":
+def elsewhere(checkout: Path) -> Callable[[], float]:
+    """A round of 1024 single arms of another checkout, in a process of its own that waits between rounds."""
+    command = [sys.executable, __file__, "--rounds-on-demand"]
+    pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(checkout)}, **pipes)
+
+    def seconds() -> float:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        print(file=process.stdin, flush=True)
+        return float(process.stdout.readline())
+
+    return seconds
+
+
+def experiments() -> None:
     tasks: dict[str, TaskLike] = {
         "random_reach": "random_reach",
         "reach in a curl field": ExperimentTask(Experiment(**REACH, forces={"curl": 15})),
@@ -71,4 +98,37 @@ if __name__ == "__main__":
     plain, *others = alternately([batched(task) for task in tasks.values()], 1024)
     for name, rate in zip(tasks, [plain, *others], strict=True):
         print(f"ArmVecEnv.step, 1024 arms, {name + ':':24} {rate:>11,.0f} arm-steps/s, {rate / plain:.2f} of the first")
-    print(f"ArmEnv.step, 1 arm: {alternately([single()], 1)[0]:>11,.0f} steps/s")
+
+
+def pairs() -> None:
+    tasks = ("two_reaches", "reach_and_hold", "two_holds")
+    single_arms, *others = alternately([batched("random_reach", 2048), *map(batched, tasks)], 2048)
+    print(f"ArmVecEnv.step, 2048 single arms, random_reach:     {single_arms:>11,.0f} arm-steps/s")
+    for name, rate in zip(tasks, others, strict=True):
+        print(
+            f"ArmVecEnv.step, 1024 pairs, {name + ':':23} {rate:>11,.0f} arm-steps/s, {rate / single_arms:.2f} of them"
+        )
+
+
+def against(checkout: Path) -> None:
+    here, there = alternately([elsewhere(Path(__file__).parents[1]), elsewhere(checkout.resolve())], 1024)
+    print(
+        f"ArmVecEnv.step, 1024 arms, random_reach: {here:,.0f} arm-steps/s here, {there:,.0f} there: {here / there:.3f}"
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", type=Path, help="another checkout, whose single arms step turn about with these")
+    parser.add_argument("--rounds-on-demand", action="store_true", help="what --against starts")
+    arguments = parser.parse_args()
+    if arguments.rounds_on_demand:
+        seconds = batched("random_reach")
+        for _ in sys.stdin:
+            print(seconds(), flush=True)
+    elif arguments.against:
+        against(arguments.against)
+    else:
+        experiments()
+        pairs()
+        print(f"ArmEnv.step, 1 arm: {alternately([single()], 1)[0]:>11,.0f} steps/s")

@@ -1,4 +1,4 @@
-"""The Gymnasium face: one arm."""
+"""The Gymnasium face: one trial at a time, of one arm or two."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _ARM = np.zeros(1, dtype=np.int32)
 class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A planar arm with two joints and six muscles reaches for a target, or holds its hand on one against a load.
 
-    In experiments there may also be a cue to go, a target that jumps, fields of forces, pulses and channels.
+    In experiments there may also be a cue to go, a target that jumps, fields of forces, pulses and channels. In tasks
+    of two arms there are two of it, whose hands a spring may join.
 
     The arm is MotorNet's ``RigidTendonArm26`` with Hill muscles, as in paper section 2; a step is 10 ms.
 
@@ -72,6 +73,26 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     ``info["vector_reward"]`` is the pair; the reward is its mean, which is minus the combined loss. The weight penalty
     is a loss on parameters, not a reward.
 
+    ## Two arms
+
+    Action ``Box(-1, 1, (12,), float32)``: the dominant (right) arm's six muscles, then the non-dominant arm's.
+    Observation ``Box((40,), float32)``: what the dominant arm sees, then, from index 20 on, what the other one sees:
+
+    | index | quantity | unit | bounds |
+    |---|---|---|---|
+    | 0–11 | muscle lengths and velocities, as of one arm | | |
+    | 12–13 | own hand x, y | m | ± reach |
+    | 14–15 | other hand x, y | m | −(0.36 + reach), reach − 0.36; ± reach |
+    | 16–17 | own target x, y | m | ± reach |
+    | 18–19 | other target x, y | m | those of the other hand |
+
+    Each arm sees in its own frame: its shoulder is at the origin, and x points away from the midline, so that the
+    non-dominant arm is the dominant one in a mirror. The other hand is seen with the noise and the delay with which its
+    own arm senses it. Rewards have the same formulas, where means are over both arms, too.
+
+    A spring and a damper act on either hand with k (d − d₀) + c ḋ, d the vector to the other hand, d₀ its value at the
+    start; with ``kind="distance"`` they act on its length alone. Hands do not collide.
+
     ## Start
 
     ``random_reach``: rest at a posture uniform over the joint range (shoulder 0–135°, elbow 0–155°); the target is
@@ -79,9 +100,15 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     constant load on the hand, each axis uniform in ±``max_load`` or, with ``load="direction"``, of a uniform direction
     and a size uniform from 0 to ``max_load``. Muscles start at activation 0.001.
 
+    ``two_reaches`` and ``two_holds`` are the same for each of two arms. ``reach_and_hold``: each hand starts on its own
+    side of the midline, 5 cm or farther from it, and at least 10 cm in front of the shoulders, at a posture uniform
+    over those; one hand's target lies 10 to 20 cm away, in one of 72 directions that its arm can follow, the other's is
+    where it starts; the spring has 50 N/m.
+
     ``reset(options={"start": (2,), "goal": (2,), "load": (2,)})`` sets the trial instead: angles in rad of the start
     posture and of the posture whose hand position is the target (default: the start), and a load in N (default: 0). A
-    timeline and forces are drawn as ever.
+    timeline and forces are drawn as ever. Of two arms each is (2, 2), the dominant arm first: angles are each arm's
+    own, loads are in the frame of the body, whose x points to the right, the dominant side.
 
     ## End
 
@@ -93,17 +120,18 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     ``vector_return`` (2,), ``is_success`` (goal completion), ``speed_to_goal`` (m/step, NaN if not reached),
     ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``. They count from the onset of
     the last target; without a cue, success is to stay. ``env.batch.force`` is the force on the hand in the last step.
+    Of two arms distance and measures are (2,), with ``goal_completion`` (2,) among them, and success is that of both.
 
     Args:
-        task: ``"random_reach"``, ``"hold_position"``, the name or YAML file of an experiment, or a
-            :class:`~bilateral_rl.envs.tasks.Task`.
+        task: ``"random_reach"``, ``"hold_position"``, of two arms ``"two_reaches"``, ``"reach_and_hold"`` or
+            ``"two_holds"``, the name or YAML file of an experiment, or a :class:`~bilateral_rl.envs.tasks.Task`.
         render_mode: None, ``"rgb_array"`` or ``"human"``; at ``metadata["render_fps"]`` pictures a second the arm moves
             four times slower than it does.
         **settings: fields of :class:`~bilateral_rl.envs.settings.TrialSettings`: ``trial_length=50`` (steps),
             ``threshold=0.05`` (m), ``max_load=10.0`` (N), ``load="axes"`` or ``"direction"``,
             ``sensory_noise=0.0``, ``motor_noise=0.0``, ``feedback_delay=0`` (steps), ``length_noise``,
             ``velocity_noise``, ``vision_noise``, ``proprioception_delay``, ``vision_delay`` (None: the common ones),
-            ``losses=LossSettings()``, ``arm=ArmParameters()``.
+            ``losses=LossSettings()``, ``two_arms=TwoArmSettings()`` (tasks of two arms alone), ``arm=ArmParameters()``.
 
     Raises:
         ValueError: an unknown task, render mode or setting, or a setting outside its range.

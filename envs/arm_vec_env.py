@@ -28,24 +28,24 @@ if TYPE_CHECKING:
 
 
 class ArmVecEnv(RunningArms, VecEnv):
-    """``n_envs`` arms in one kernel launch, as a stable-baselines3 ``VecEnv``.
+    """``n_envs`` arms, or pairs of arms, in one kernel launch, as a stable-baselines3 ``VecEnv``.
 
     Spaces, reward, start and end are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. An arm whose trial ends starts its
     next one in the same step: the observation returned is the new trial's, and its info holds
 
-    - ``terminal_observation`` (16,) and ``TimeLimit.truncated`` True: the end is a time limit, never a termination;
+    - ``terminal_observation`` (16,), of two arms (40,), and ``TimeLimit.truncated`` True: the end is a time limit,
+      never a termination;
     - ``episode``: return ``r``, length ``l`` and time ``t`` as SB3's ``Monitor`` writes them, and the streams' returns
       ``dominant`` and ``non_dominant``;
     - ``vector_return`` (2,): the dominant and the non-dominant stream's return;
     - ``is_success``: goal completion; ``speed_to_goal`` (m/step, NaN if not reached), ``time_in_goal`` (steps),
-      ``final_error`` (m).
+      ``final_error`` (m). Of two arms these three are (2,), and so is ``goal_completion``; success is that of both.
 
     Infos of arms in the middle of a trial are empty; the step's vector reward is :attr:`last_vector_reward`.
 
     Args:
-        n_envs: number of arms.
-        task: ``"random_reach"``, ``"hold_position"``, the name or YAML file of an experiment, or a
-            :class:`~bilateral_rl.envs.tasks.Task`.
+        n_envs: number of arms, or of pairs of arms in a task of two.
+        task: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`.
         render_mode: None, ``"rgb_array"`` or ``"human"``.
         device: where the arms are simulated, ``"cpu"`` or a CUDA device; observations arrive as NumPy arrays.
         seed: arm i uses ``seed + i``, so its trials are those of an ``ArmEnv`` reset with that seed.
@@ -103,7 +103,7 @@ class ArmVecEnv(RunningArms, VecEnv):
         """Start a new trial on every arm, from the seeds of :meth:`seed` if it was called since the last reset.
 
         Returns:
-            The observations (n_envs, 16).
+            The observations (n_envs, 16), of two arms (n_envs, 40).
 
         Raises:
             ValueError: reset options were set.

@@ -30,7 +30,7 @@ Mask = NDArray[np.bool_]
 
 
 class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
-    """``num_envs`` arms in one kernel launch, as a Gymnasium ``VectorEnv``: the one of ``gymnasium.make_vec``.
+    """``num_envs`` arms, or pairs of arms, in one kernel launch, as the ``VectorEnv`` of ``gymnasium.make_vec``.
 
     Spaces, reward, start, end and info are :class:`~bilateral_rl.envs.arm_env.ArmEnv`'s. What follows the end of an
     arm's trial is said by ``autoreset_mode``, as in Gymnasium's own vector environments:
@@ -43,7 +43,7 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
     - ``"Disabled"``: nothing follows; ``reset(options={"reset_mask": mask})`` begins the next trials of these arms.
 
     Args:
-        num_envs: number of arms.
+        num_envs: number of arms, or of pairs of arms in a task of two.
         task, render_mode, **settings: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`.
         device: ``"cpu"`` or a CUDA device.
         autoreset_mode: one of Gymnasium's ``AutoresetMode``, or its value.
@@ -117,10 +117,11 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         """Make a step of every arm.
 
         Args:
-            actions: (num_envs, 6) in [-1, 1]; outside values act as the nearest bound.
+            actions: (num_envs, 6), of two arms (num_envs, 12), in [-1, 1]; outside values act as the nearest bound.
 
         Returns:
-            Observations (num_envs, 16), rewards, terminations (never), truncations, and infos with their masks.
+            Observations (num_envs, 16), of two arms (num_envs, 40), rewards, terminations (never), truncations, and
+            infos with their masks.
 
         Raises:
             ValueError: actions of another shape, or that are not finite.

@@ -10,8 +10,12 @@ import pytest
 
 import bilateral_rl
 from bilateral_rl.envs import MUSCLE_NAMES, ArmParameters, TrialSettings
+from bilateral_rl.envs.doors import settings_for
 from bilateral_rl.envs.measures import STEPS_TO_COMPLETE
 from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.tasks import make_task
+from bilateral_rl.envs.two_arm_tasks import FROM_MIDLINE, IN_FRONT
+from bilateral_rl.envs.two_arms import TwoArmSettings
 from bilateral_rl.vocabulary import LOSS_WEIGHTS
 
 TEXT = (Path(__file__).parents[1] / "docs" / "environments.md").read_text(encoding="utf-8")
@@ -19,10 +23,11 @@ ONE_ARM = {name: spec for name, spec in TASK_SPECS.items() if spec.n_arms == 1}
 NAMES = [spec.environment_id for spec in ONE_ARM.values()]
 
 
-def rows(heading):
-    """The cells of the first table below a heading, without its head."""
+def rows(heading, table=0):
+    """The cells of the first table below a heading, or of a later one, without its head."""
     section = re.search(rf"^#+ {heading}\n(.*?)(?=^#|\Z)", TEXT, re.DOTALL | re.MULTILINE)[1]
-    lines = re.findall(r"^\|(.*)\|$", section, re.MULTILINE)[2:]
+    tables = re.findall(r"((?:^\|.*\|\n)+)", section, re.MULTILINE)
+    lines = re.findall(r"^\|(.*)\|$", tables[table], re.MULTILINE)[2:]
     return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)] for line in lines]
 
 
@@ -50,6 +55,36 @@ def test_the_tasks_are_named_and_described():
     assert [cell.strip("`") for cell in table[1][1:]] == list(ONE_ARM)
     assert table[2][1:] == [spec.description for spec in ONE_ARM.values()]
     assert [cell.replace(" ", "_") for cell in table[3][1:]] == [spec.judged_by for spec in ONE_ARM.values()]
+
+
+def test_the_tasks_of_two_arms_are_named_and_described():
+    table, specs = rows("Two arms")[:5], {name: spec for name, spec in TASK_SPECS.items() if spec.n_arms == 2}
+    assert [cell.strip("`") for cell in table[0][1:]] == [spec.environment_id for spec in specs.values()]
+    assert [cell.strip("`") for cell in table[1][1:]] == list(specs)
+    assert table[2][1:] == [spec.description for spec in specs.values()]
+    assert [cell.replace(" ", "_") for cell in table[3][1:]] == [spec.judged_by for spec in specs.values()]
+    springs = [settings_for(make_task(name), {}).two_arms.spring.stiffness for name in specs]
+    assert table[4][1:] == [f"{stiffness:g} N/m" for stiffness in springs]
+
+
+def test_two_arms_have_the_spaces_and_infos_of_the_page():
+    low, high = np.full(40, np.nan), np.full(40, np.nan)
+    for *indices, _, _, least, greatest in rows("Two arms", table=1):
+        for cell in indices:
+            first, last = map(int, (cell.split("–") * 2)[:2])
+            low[first : last + 1], high[first : last + 1] = number(least), number(greatest)
+    with gymnasium.make("bilateral_rl/TwoHolds-v0") as env:
+        assert env.action_space == gymnasium.spaces.Box(-1, 1, (12,), np.float32)
+        np.testing.assert_allclose(env.observation_space.low, low, rtol=1e-6)
+        np.testing.assert_allclose(env.observation_space.high, high, rtol=1e-6)
+        _, _, info = last_step(env, np.zeros(12, np.float32))
+    for name in ("distance", "speed_to_goal", "time_in_goal", "final_error", "goal_completion"):
+        assert f"`{name}`" in TEXT
+        assert info[name].shape == (2,)
+    assert f"shoulders are {TwoArmSettings().shoulder_distance:g} m apart" in TEXT
+    assert f"5 cm from the midline or farther, and at least {100 * IN_FRONT:g} cm in front" in TEXT
+    assert FROM_MIDLINE == 0.05
+    assert TwoArmSettings().reach == (0.1, 0.2)
 
 
 def test_actions_are_those_of_the_muscles(env):

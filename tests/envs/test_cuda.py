@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from arm_faces import each_setting
-from rich_tasks import Rich
+from rich_tasks import Rich, RichPair
 
 from bilateral_rl.envs import Arm, ArmState, ArmVecEnv, ArmVectorEnv
 
@@ -31,8 +31,8 @@ def movement(device, dtype, steps=20, n=64):
     return ArmState(*(t.detach().cpu().double() for t in state)), u.grad.cpu().double()
 
 
-def actions(steps, n):
-    return np.random.default_rng(1).uniform(-1, 1, (steps, n, 6)).astype(np.float32)
+def actions(steps, n, muscles=6):
+    return np.random.default_rng(1).uniform(-1, 1, (steps, n, muscles)).astype(np.float32)
 
 
 def make(device, settings, n=5, task="hold_position"):
@@ -49,12 +49,15 @@ def test_an_arm_on_cuda_moves_as_on_the_cpu(dtype, tolerance):
     assert (cuda_gradient - gradient).abs().max() < 10 * tolerance * gradient.abs().max()
 
 
-@pytest.mark.parametrize("task", ["hold_position", Rich()], ids=["hold", "rich"])
+each_task = pytest.mark.parametrize("task", ["hold_position", Rich(), RichPair()], ids=["hold", "rich", "two arms"])
+
+
+@each_task
 @each_setting
 def test_a_vecenv_on_cuda_runs_the_same_trials_as_on_the_cpu(settings, task):
     (cpu, cpu_start), (cuda, cuda_start) = make("cpu", settings, task=task), make("cuda", settings, task=task)
     np.testing.assert_allclose(cuda_start, cpu_start, atol=1e-5)
-    for command in actions(3 * LENGTH, 5):
+    for command in actions(3 * LENGTH, 5, *cpu.action_space.shape):
         ours, reference = cuda.step(command), cpu.step(command)
         np.testing.assert_allclose(ours[0], reference[0], atol=1e-4)
         np.testing.assert_allclose(ours[1], reference[1], atol=1e-4)
@@ -84,14 +87,15 @@ def test_arms_on_cuda_that_begin_apart_stand_still_while_the_others_move(setting
             np.testing.assert_allclose(ours, reference, atol=1e-4)
 
 
-@pytest.mark.parametrize("task", ["hold_position", Rich()], ids=["hold", "rich"])
+@each_task
 @each_setting
 def test_a_copy_of_a_vecenv_on_cuda_goes_on_identically(settings, task):
     venv, _ = make("cuda", settings, task=task)
-    for command in actions(LENGTH + 2, 5):
+    muscles = venv.action_space.shape[0]
+    for command in actions(LENGTH + 2, 5, muscles):
         venv.step(command)
     twin = pickle.loads(pickle.dumps(venv))
-    for command in actions(3 * LENGTH, 5):
+    for command in actions(3 * LENGTH, 5, muscles):
         for ours, theirs in zip(venv.step(command)[:3], twin.step(command)[:3], strict=True):
             np.testing.assert_array_equal(ours, theirs)
 

@@ -16,7 +16,9 @@ from bilateral_rl.envs import (
     ArmParameters,
     ArmVecEnv,
     ArmVectorEnv,
+    SpringSettings,
     TrialSettings,
+    TwoArmSettings,
     VectorReward,
     VecVectorReward,
 )
@@ -33,7 +35,8 @@ def rollout(task="hold_position", **settings):
     """Everything that arms show of their trials under random actions, to the last step and what follows it."""
     settings = {"trial_length": STEPS} | settings
     venv = ArmVecEnv(N, task, seed=0, **settings)
-    actions = np.random.default_rng(0).uniform(-1, 1, (STEPS, N, 6)).astype(np.float32)
+    muscles = venv.action_space.shape[0]
+    actions = np.random.default_rng(0).uniform(-1, 1, (STEPS, N, muscles)).astype(np.float32)
     shown = [venv.reset()]
     for action in actions:
         observations, rewards, _, infos = venv.step(action)
@@ -82,6 +85,24 @@ def test_every_setting_shows():
     assert plain == rollout(), "or nothing is shown below"
     for name, value in OTHER_SETTINGS.items():
         assert rollout(**{name: value}) != plain, name
+
+
+OTHER_SPRINGS = {"stiffness": 60.0, "damping": 1.0, "kind": "distance"}
+OTHER_PAIRS = {
+    "shoulder_distance": 0.4,
+    "spring": {"stiffness": 0.0},
+    "roles": "dominant_reaches",
+    "reach": (0.05, 0.2),
+}
+
+
+def test_every_setting_of_two_arms_shows():
+    for cls, others in ((TwoArmSettings, OTHER_PAIRS), (SpringSettings, OTHER_SPRINGS)):
+        assert others.keys() == {field.name for field in dataclasses.fields(cls)}
+    plain = rollout("reach_and_hold")
+    for changed in (*({name: value} for name, value in OTHER_PAIRS.items()),
+                    *({"spring": {name: value}} for name, value in OTHER_SPRINGS.items())):  # fmt: skip
+        assert rollout("reach_and_hold", two_arms=changed) != plain, changed
 
 
 def test_every_weight_of_a_loss_shows_but_that_of_the_weight_penalty():
@@ -177,8 +198,7 @@ PLAIN = {
 }
 ELSEWHERE = {"Arm", "ArmParameters", "Experiment", "ExperimentError", "ExperimentTask", "TrialBatch", "TrialSettings"}
 ELSEWHERE |= {"SpringSettings", "TwoArmSettings"}
-"""Classes that other tests look at: of this file, of trials in test_doors.py, of experiments in test_experiment*.py, of
-two arms in test_two_arm*.py."""
+"""Classes that other tests look at: of this file, of trials in test_doors.py, of experiments in test_experiment*.py."""
 DATA = {
     "ArmState",
     "Transition",
