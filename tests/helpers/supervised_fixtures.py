@@ -19,15 +19,16 @@ TRAJECTORIES = ("joint", "muscle", "hand", "excitation", "terms", "hidden", "obs
 UPPER = torch.tensor([135.0, 155.0]).deg2rad()
 
 
-def _random_networks(architecture, units=10, layers=2, n=2, dtype=torch.float64, seed=0):
-    """Networks whose every parameter, biases too, is random and not representable in float32."""
+def _random_networks(architecture, units=10, layers=2, n=2, dtype=torch.float64, seed=0, n_arms=1, **paths):
+    """Networks whose every parameter, biases too, is random and not representable in float32; what is fixed is not."""
     generator = torch.Generator().manual_seed(seed)
-    networks = [make_network(architecture, 16, 6, units, layers).to(dtype) for _ in range(n)]
+    sizes = (16 if n_arms == 1 else 40, 6 * n_arms, units, layers)
+    networks = [make_network(architecture, *sizes, n_arms=n_arms, **paths).to(dtype) for _ in range(n)]
     for network in networks:
         for name, parameter in network.named_parameters():
             values = torch.randn(parameter.shape, generator=generator, dtype=torch.float64)
-            # Combination weights are random, not negative.
-            parameter.data.copy_(0.3 + values.abs() if name.startswith("combination") else 0.5 * values)
+            if parameter.requires_grad:  # combination weights are random, not negative
+                parameter.data.copy_(0.3 + values.abs() if name.startswith("combination") else 0.5 * values)
     return networks
 
 
@@ -58,7 +59,7 @@ def _make_rollout(
     generator = torch.Generator().manual_seed(seed)
 
     def uniform(low, high):
-        shape = (len(networks), n_trials, 2)
+        shape = rollout.trials.start.shape
         return low + (high - low) * torch.rand(shape, generator=generator, dtype=torch.float64).to(dtype)
 
     rollout.trials.start.copy_(uniform(0.15, 0.85) * UPPER)

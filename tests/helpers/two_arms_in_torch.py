@@ -14,14 +14,10 @@ def mirrored(vectors, shoulder_distance=0.0):
     return torch.stack([-vectors[..., 0] - shoulder_distance, vectors[..., 1]], dim=-1)
 
 
-def spring_force(own, other, rest, stiffness, damping, kind):
-    """The force (B, 2) on a hand (B, 4), of another one in the same frame."""
+def spring_force(own, other, rest, stiffness, damping):
+    """The force (B, 2) on a hand (B, 4) of a vector spring, of another hand in the same frame."""
     apart, rate = (other - own).split(2, dim=1)
-    if kind == "vector":
-        return stiffness[:, None] * (apart - rest) + damping[:, None] * rate
-    length = apart.norm(dim=1)
-    tension = stiffness * (length - rest.norm(dim=1)) + damping * (apart * rate).sum(1) / length
-    return tension[:, None] * apart / length[:, None]
+    return stiffness[:, None] * (apart - rest) + damping[:, None] * rate
 
 
 def views(arm, states, targets, distance, recorded=False):
@@ -69,7 +65,7 @@ def roll(command, trials, n_steps, settings, recorded=False):
         recorded: let no gradient through the seen position of the other hand.
     """
     arm = Arm(dtype=trials.target.dtype)
-    distance, kind = settings.shoulder_distance, settings.spring.kind
+    distance = settings.shoulder_distance
     states = [arm.rest(trials.start[a::2]) for a in range(2)]
     targets, loads = ([part[a::2] for a in range(2)] for part in (trials.target, trials.load))
 
@@ -84,9 +80,7 @@ def roll(command, trials, n_steps, settings, recorded=False):
         excitation = command(observation).chunk(2, dim=1)
         forces = [
             loads[a]
-            + spring_force(
-                *(states[a].cartesian, seen(states[1 - a]), rests[a], trials.stiffness, trials.damping, kind)
-            )
+            + spring_force(*(states[a].cartesian, seen(states[1 - a]), rests[a], trials.stiffness, trials.damping))
             for a in range(2)
         ]
         states = [arm.step(states[a], excitation[a], forces[a]) for a in range(2)]

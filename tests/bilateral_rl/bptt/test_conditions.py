@@ -1,5 +1,7 @@
 """Timelines, forces, further losses, noise and delays: gradients are finite differences, in every combination."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -22,9 +24,17 @@ ALONE = {
     "further_losses": Conditions(settings=TrialSettings(losses=LOSSES)),
     "senses": Conditions(settings=TrialSettings(**SENSES)),
     "hidden_noise": Conditions(hidden_noise=0.1),
+    "arms": Conditions(n_arms=2),
 }
 EVERYTHING = Conditions(True, True, TrialSettings(losses=LOSSES, **SENSES), hidden_noise=0.1)
-CASES = [*((name, SMALL[2]) for name in ALONE), *(("everything", shape) for shape in SMALL)]
+DISTANCE = {"spring": {"kind": "distance"}}
+WITH_TWO_ARMS = replace(EVERYTHING, settings=replace(EVERYTHING.settings, two_arms=DISTANCE), n_arms=2)
+BY_NAME = {**ALONE, "everything": EVERYTHING, "everything_with_two_arms": WITH_TWO_ARMS}
+CASES = [
+    *((name, SMALL[2]) for name in ALONE if name != "arms"),  # those two are tested by torch
+    *(("everything", shape) for shape in (SMALL[0], SMALL[2])),
+    ("everything_with_two_arms", SMALL[2]),
+]
 
 
 def fill(rollout, seed=0):
@@ -36,16 +46,18 @@ def fill(rollout, seed=0):
         tensor.copy_(scale * torch.randn(tensor.shape, generator=generator, dtype=torch.float64))
 
     scales = {"jump_target": 0.3, "offset": 5.0, "velocity_gain": 15.0, "position_gain": 30.0, "pulse": 10.0}
+    scales |= {"stiffness": 50.0, "damping": 3.0}
     for name, scale in scales.items():
         if name in trials:
             normal(trials[name], scale)
     if "go" in trials:
-        n = len(trials["go"])
-        trials["go"].copy_(torch.tensor([0, 2, 3, 1_000_000], dtype=torch.int32).expand(n, -1))
-        trials["jump"].copy_(torch.tensor([5, 4, 1_000_000, 1_000_000], dtype=torch.int32).expand(n, -1))
+        n, hands = trials["go"].shape
+        trials["go"].copy_(torch.tensor([0, 2, 3, 1_000_000], dtype=torch.int32).repeat(n, hands // N_TRIALS))
+        trials["jump"].copy_(torch.tensor([5, 4, 1_000_000, 1_000_000], dtype=torch.int32).repeat(n, hands // N_TRIALS))
     if "pulse_window" in trials:
+        n, hands, _ = trials["pulse_window"].shape
         windows = torch.tensor([[0, 2], [3, 4], [2, 100], [1_000_000, 1_000_000]], dtype=torch.int32)
-        trials["pulse_window"].copy_(windows.expand(len(trials["pulse_window"]), -1, -1))
+        trials["pulse_window"].copy_(windows.repeat(n, hands // N_TRIALS, 1))
     for tensor in noise:
         normal(tensor, 0.1)
     if rollout.noise.numel():  # so much that it leaves what can be observed
@@ -66,14 +78,12 @@ def copy_inputs(rollout, other):
     rollout.hidden_noise.copy_(other.hidden_noise[:1].expand_as(rollout.hidden_noise))
 
 
-def conditions_of(name):
-    return EVERYTHING if name == "everything" else ALONE[name]
-
-
 def test_a_feature_is_compiled_where_it_is_asked_for():
     for name, conditions in ALONE.items():
-        assert conditions.features == Features(**{name: True})
+        assert conditions.features == Features(**{name: 2 if name == "arms" else True})
     assert EVERYTHING.features == Features(*[True] * 5)
+    assert WITH_TWO_ARMS.features == Features(*[True] * 5, arms=2, distance_spring=True)
+    assert Conditions(settings=TrialSettings(two_arms=DISTANCE)).features == Features()
     assert Conditions().features == Features()
     assert Conditions(settings=TrialSettings(vision_delay=1)).features == Features(senses=True)
 
@@ -81,10 +91,9 @@ def test_a_feature_is_compiled_where_it_is_asked_for():
 @pytest.mark.parametrize(("name", "shape"), CASES, ids=lambda value: value if isinstance(value, str) else value[0])
 def test_gradients_are_finite_differences_of_the_losses(random_networks, make_rollout, assert_rows_close, name, shape):
     """Of two streams that weigh every term, and of losses on trajectories."""
-    (network,) = random_networks(*shape, n=1)
-    rollout = built(
-        make_rollout, [network], conditions_of(name), n_streams=2, watches_state=True, watches_activity=True
-    )
+    conditions = BY_NAME[name]
+    (network,) = random_networks(*shape, n=1, n_arms=conditions.n_arms)
+    rollout = built(make_rollout, [network], conditions, **EVERY_GRADIENT)
     rollout.forward()
     generator = torch.Generator().manual_seed(1)
     weights = torch.rand(2, rollout.terms.shape[-1], generator=generator, dtype=torch.float64)
@@ -95,7 +104,7 @@ def test_gradients_are_finite_differences_of_the_losses(random_networks, make_ro
     gradient = rollout.backward(weights, TrajectoryGradients(**upstream)).clone()
 
     n, step = sum(v.size for v in rollout.layout.variables), 1e-5
-    moved = built(make_rollout, [network] * (2 * n), conditions_of(name))
+    moved = built(make_rollout, [network] * (2 * n), conditions)
     copy_inputs(moved, rollout)
     moves = step * torch.eye(n, rollout.layout.width, dtype=torch.float64)
     moved.weights += torch.cat([moves, -moves])

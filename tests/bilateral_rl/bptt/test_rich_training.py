@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from rich_tasks import RICH_SETTINGS, Rich
+from rich_tasks import RICH_SETTINGS, Rich, RichPair
 from supervised_runs import Watch
 from trainers import finish, of_seed
 
@@ -37,16 +37,18 @@ def rich(small_bptt, monkeypatch):
     return make
 
 
-def test_a_rollout_is_the_environments_trials_step_for_step(random_networks, make_rollout):
+@pytest.mark.parametrize("task", [Rich(), RichPair()], ids=lambda task: task.id)
+def test_a_rollout_is_the_environments_trials_step_for_step(random_networks, make_rollout, task):
     """The same trials, noise and weights in both; the policy is the torch network, which sees the environment."""
-    n, n_steps, rng = 64, 20, np.random.default_rng(0)
-    settings, task = TrialSettings(**RICH_SETTINGS, trial_length=n_steps), Rich()
-    (network,) = random_networks(*PAPERS, n=1, dtype=torch.float32)
+    n, n_steps, rng, arms = 64, 20, np.random.default_rng(0), task.n_arms
+    spring = {"two_arms": {"spring": {"kind": "distance"}}} if arms > 1 else {}
+    settings = TrialSettings(**RICH_SETTINGS | spring, trial_length=n_steps)
+    (network,) = random_networks(*PAPERS, n=1, dtype=torch.float32, n_arms=arms)
     conditions = Conditions.of(task, settings, HIDDEN_NOISE)
     rollout = make_rollout([network], n, n_steps, conditions=conditions)
     rollout.load(stacked([training_trials(7, n, task, settings)]))
     draw_noise(rollout, [7], "training")
-    normal = rng.standard_normal((n, n_steps + 1, 20))
+    normal = rng.standard_normal((n * arms, n_steps + 1, 20))
     rollout.noise[0] = torch.from_numpy(normal[:, :n_steps] * settings.noise_scale).float()
     rollout.forward()
 
@@ -62,7 +64,8 @@ def test_a_rollout_is_the_environments_trials_step_for_step(random_networks, mak
         batch.step((2 * excitation - 1).numpy())
         np.testing.assert_allclose(rollout.excitation[0, :, t], batch.excitation, atol=2e-5)
         np.testing.assert_allclose(rollout.hand[0, :, t], batch.hand, atol=1e-4)
-        rewards = -(rollout.terms[0, :, t] @ weights.T).numpy()
+        terms = rollout.terms[0, :, t].unflatten(0, (n, arms)).mean(1)
+        rewards = -(terms @ weights.T).numpy()
         np.testing.assert_allclose(rewards, batch.vector_reward, rtol=1e-3, atol=1e-4)
     targets = rollout.targets()
     np.testing.assert_allclose(targets.distance[0], batch.distance, atol=1e-4)

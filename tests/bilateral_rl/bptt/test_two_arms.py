@@ -9,7 +9,7 @@ from bilateral_rl.bptt.losses import StreamLosses
 from bilateral_rl.bptt.optimizer import StackedAdam
 from bilateral_rl.bptt.rollout import TrajectoryGradients
 from bilateral_rl.bptt.trial_tensors import TrialTensors
-from bilateral_rl.envs import ArmParameters, TrialSettings
+from bilateral_rl.envs import ArmParameters
 from bilateral_rl.envs.losses import LossSettings
 from bilateral_rl.envs.two_arms import TwoArmSettings
 from bilateral_rl.policies import make_network
@@ -19,22 +19,6 @@ from bilateral_rl.vocabulary import SIDES, group_shares
 UPPER = torch.tensor([135.0, 155.0]).deg2rad()
 N_STEPS = 12
 TERM_WEIGHTS = torch.tensor([[1.0, 2.0, 3.0], [0.5, 0.0, 1.0]], dtype=torch.float64)
-
-
-def conditions(kind="vector", **others):
-    return Conditions(settings=TrialSettings(two_arms={"spring": {"kind": kind}}), n_arms=2, **others)
-
-
-def networks_of(architecture, units, n, seed=0, **paths):
-    """Networks of two arms with random parameters, but for those that are fixed."""
-    generator = torch.Generator().manual_seed(seed)
-    networks = [make_network(architecture, 40, 12, units, n_arms=2, **paths).double() for _ in range(n)]
-    for network in networks:
-        for name, parameter in network.named_parameters():
-            values = torch.randn(parameter.shape, generator=generator, dtype=torch.float64)
-            if parameter.requires_grad:
-                parameter.data.copy_(0.3 + values.abs() if name.startswith("combination") else 0.5 * values)
-    return networks
 
 
 def fill(trials, seed=0, spring=True):
@@ -54,8 +38,8 @@ def fill(trials, seed=0, spring=True):
         tensor[:, : 1 if spring else None] = 0.0
 
 
-def rolled(make_rollout, networks, of=None, n_trials=3, **wanted):
-    rollout = make_rollout(networks, n_trials, N_STEPS, conditions=of or conditions(), fill=fill, **wanted)
+def rolled(make_rollout, networks, **wanted):
+    rollout = make_rollout(networks, 3, N_STEPS, conditions=Conditions(n_arms=2), fill=fill, **wanted)
     rollout.forward()
     return rollout
 
@@ -68,14 +52,13 @@ def in_torch(networks, rollout):
     return {name: torch.stack([getattr(path, name) for path in paths]) for name in TRAJECTORIES}
 
 
-@pytest.mark.parametrize("kind", ["vector", "distance"])
 def test_trajectories_and_gradients_are_torchs_with_every_lesion(
-    make_rollout, gradient_rows, set_lesions, assert_rows_close, kind
+    random_networks, make_rollout, gradient_rows, set_lesions, assert_rows_close
 ):
     lesions = [NO_LESION, *LESIONS.values()]
-    networks = networks_of("callosal", 8, len(lesions), trained_combination=True)
+    networks = random_networks("callosal", 8, n=len(lesions), n_arms=2, trained_combination=True)
     watched = {"n_streams": 2, "watches_state": True}
-    rollout = rolled(make_rollout, networks, conditions(kind), **watched)
+    rollout = rolled(make_rollout, networks, **watched)
     set_lesions(rollout, networks, lesions)
     rollout.forward()
     path = in_torch(networks, rollout)
@@ -96,10 +79,12 @@ def test_trajectories_and_gradients_are_torchs_with_every_lesion(
 
 
 @pytest.mark.parametrize(
-    ("architecture", "units", "paths"), [("unilateral", 3, {}), ("callosal", 8, {"ipsilateral_share": 0.0})]
+    ("architecture", "units", "paths"), [("unilateral", 2, {}), ("callosal", 8, {"ipsilateral_share": 0.0})]
 )
-def test_other_networks_of_two_arms_too(make_rollout, gradient_rows, assert_rows_close, architecture, units, paths):
-    networks = networks_of(architecture, units, 2, **paths)
+def test_other_networks_of_two_arms_too(
+    random_networks, make_rollout, gradient_rows, assert_rows_close, architecture, units, paths
+):
+    networks = random_networks(architecture, units, n_arms=2, **paths)
     rollout = rolled(make_rollout, networks, n_streams=2)
     path = in_torch(networks, rollout)
     for name in TRAJECTORIES:
@@ -125,10 +110,10 @@ def uni_gradients(network, side, path, trials):
     return dict(zip(names, gradients, strict=True))
 
 
-def test_each_hemisphere_learns_as_half_of_a_unilateral_network_on_its_own_arm():
+def test_each_hemisphere_learns_as_half_of_a_unilateral_network_on_its_own_arm(random_networks):
     """Raw gradients, with the other hand's position as recorded: each equals half of those of that network exactly."""
-    (network,) = networks_of("bilateral", 8, 1, ipsilateral_share=0.0)
-    trials = TrialTensors.zeros((1, 3), conditions().features, torch.float64)
+    (network,) = random_networks("bilateral", 8, n=1, n_arms=2, ipsilateral_share=0.0)
+    trials = TrialTensors.zeros((1, 3), Conditions(n_arms=2).features, torch.float64)
     fill(trials, spring=False)
     trials = trials.map(lambda tensor: tensor[0])
     recorded, seeing = (roll(network.excitation, trials, N_STEPS, TwoArmSettings(), how) for how in (True, False))
@@ -147,9 +132,11 @@ def test_each_hemisphere_learns_as_half_of_a_unilateral_network_on_its_own_arm()
             assert not torch.allclose(other, whole / 2, rtol=1e-4), "through the other hand comes more than that"
 
 
-def test_the_routed_gradient_of_a_network_blind_to_the_other_hand_is_that_too(make_rollout, set_lesions, rows_of):
+def test_the_routed_gradient_of_a_network_blind_to_the_other_hand_is_that_too(
+    random_networks, make_rollout, set_lesions, rows_of
+):
     """The same of kernels, losses and routing: no gradient comes through weights of the other hand's position of 0."""
-    (network,) = networks_of("callosal", 8, 1, ipsilateral_share=0.0)
+    (network,) = random_networks("callosal", 8, n=1, n_arms=2, ipsilateral_share=0.0)
     for side in SIDES:
         getattr(network, side)[0].weight.data[:, 14:16] = 0.0
     rollout = rolled(make_rollout, [network], n_streams=2)
@@ -167,10 +154,12 @@ def test_the_routed_gradient_of_a_network_blind_to_the_other_hand_is_that_too(ma
     torch.testing.assert_close(optimizer.routed, expected, rtol=1e-9, atol=1e-14)
 
 
-def test_what_is_fixed_is_neither_moved_nor_penalized_and_what_is_trained_stays_positive(make_rollout):
+def test_what_is_fixed_is_neither_moved_nor_penalized_and_what_is_trained_stays_positive(random_networks, make_rollout):
     moved = {}
     for is_trained in (False, True):
-        rollout = rolled(make_rollout, networks_of("callosal", 8, 1, trained_combination=is_trained), n_streams=2)
+        rollout = rolled(
+            make_rollout, random_networks("callosal", 8, n=1, n_arms=2, trained_combination=is_trained), n_streams=2
+        )
         layout, before = rollout.layout, rollout.weights.clone()
         losses = StreamLosses("specialized", "weights", 0.1, layout, ArmParameters())
         optimizer = StackedAdam(rollout, losses, "specialized", learning_rate=3.0, epsilon=1e-7, clip_norm=1.0)
