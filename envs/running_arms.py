@@ -9,7 +9,7 @@ from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.trials import TrialBatch
 
 _SETTINGS = frozenset(field.name for field in dataclasses.fields(TrialSettings))
-_NEVER = _SETTINGS | {"task", "n", "n_envs", "device"}
+_NEVER = _SETTINGS | {"task", "n", "n_envs", "n_arms", "device"}
 _ONCE = frozenset({"settings", "batch", "num_envs", "render_mode"})
 _FIXED = _NEVER | _ONCE
 
@@ -29,7 +29,7 @@ class RunningArms:
         def __getattr__(self, name: str) -> Any:
             if name in _SETTINGS:
                 return getattr(self.settings, name)
-            if name in ("task", "device"):
+            if name in ("task", "device", "n_arms"):
                 return getattr(self.batch, name)
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
 

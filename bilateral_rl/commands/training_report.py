@@ -14,7 +14,7 @@ from bilateral_rl.analysis.goals import in_centimeters
 from bilateral_rl.analysis.modulation import SideModulation
 from bilateral_rl.analysis.trial_records import TrialRecord, summaries
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.vocabulary import SIDES
+from bilateral_rl.vocabulary import SIDES, path_names
 
 
 def print_measures(records: Mapping[int, TrialRecord], config: TrainConfig, title: str, console: Console) -> None:
@@ -71,39 +71,61 @@ def _hands_table(records: Mapping[int, TrialRecord], config: TrainConfig) -> Tab
 
 
 def sides_line(modulations: Mapping[int, SideModulation]) -> str:
-    """Say what each side supplies to the commands: of the one seed, or mean ± standard deviation over the seeds."""
+    """Say what each side supplies to the commands: of the one seed, or mean ± standard deviation over the seeds.
+
+    Of two arms there is a line for each.
+    """
     rows = [modulation.measures() for modulation in modulations.values()]
-    shares = [_spread(rows, f"contribution_percent_{side}", 0) for side in SIDES]
-    constants = [_spread(rows, f"contribution_constant_{side}", 2) for side in SIDES]
-    return (
-        f"Sides: dominant {shares[0]} %, non-dominant {shares[1]} % of the commands' modulation; constant parts "
-        f"{constants[0]} and {constants[1]}."
-    )
+    lines = []
+    for arm, names in _paths(modulations).items():
+        shares = [_spread(rows, f"contribution_percent_{name}", 0) for name in names]
+        constants = [_spread(rows, f"contribution_constant_{name}", 2) for name in names]
+        lines.append(
+            f"{f'Sides, {arm} arm' if arm else 'Sides'}: dominant {shares[0]} %, non-dominant {shares[1]} % of the "
+            f"commands' modulation; constant parts {constants[0]} and {constants[1]}."
+        )
+    return "\n".join(lines)
 
 
 def sides_table(modulations: Mapping[int, SideModulation]) -> Table:
-    """What each side supplies to the commands: two rows a seed, and two for all, mean ± standard deviation."""
+    """What each side supplies to the commands: two rows a seed, and two for all, mean ± standard deviation.
+
+    Of two arms these are rows of each.
+    """
     title = "What each side supplies to the commands before the sigmoid"
-    table = Table("seed", "side", title=title, title_justify="left")
+    arms = _paths(modulations)
+    table = Table("seed", *(["arm"] if len(arms) > 1 else []), "side", title=title, title_justify="left")
     for column in ("share of modulation", "modulation", "constant part"):
         table.add_column(column, justify="right")
     of_seeds = {str(seed): [modulation.measures()] for seed, modulation in modulations.items()}
     of_all = {"all": [row for rows in of_seeds.values() for row in rows]} if len(of_seeds) > 1 else {}
     for name, rows in (of_seeds | of_all).items():
-        for side in SIDES:
-            table.add_row(
-                name if side == SIDES[0] else "",
-                side.replace("_", "-"),
-                f"{_spread(rows, f'contribution_percent_{side}', 1)} %",
-                _spread(rows, f"contribution_{side}", 2),
-                _spread(rows, f"contribution_constant_{side}", 2),
-                end_section=side == SIDES[1],
-            )
+        for i, (arm, paths) in enumerate(arms.items()):
+            for side, path in zip(SIDES, paths, strict=True):
+                first = side == SIDES[0]
+                table.add_row(
+                    name if first and i == 0 else "",
+                    *([arm if first else ""] if len(arms) > 1 else []),
+                    side.replace("_", "-"),
+                    f"{_spread(rows, f'contribution_percent_{path}', 1)} %",
+                    _spread(rows, f"contribution_{path}", 2),
+                    _spread(rows, f"contribution_constant_{path}", 2),
+                    end_section=not first and i == len(arms) - 1,
+                )
     table.caption = (
         "Of a side's contribution over time and trials, modulation is the standard deviation and constant part the "
         "absolute value of the mean; both are means over the muscles."
     )
     return table
+
+
+def _paths(modulations: Mapping[int, SideModulation]) -> dict[str, list[str]]:
+    """Return what the measures of both sides are called, by the name of the arm, which is empty of a single one."""
+    n_arms = next(iter(modulations.values())).n_arms
+    names = [path.replace("/", "_") for path in path_names(n_arms)]
+    if n_arms == 1:
+        return {"": names}
+    return {arm.replace("_", "-"): [name for name in names if name.startswith(f"{arm}_arm_")] for arm in SIDES}
 
 
 def _spread(values: list[dict[str, float]], name: str, decimals: int) -> str:

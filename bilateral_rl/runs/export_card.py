@@ -88,8 +88,11 @@ def _text(config: TrainConfig, measures: Sequence[Measured], tests: str) -> str:
     seeds = config.all_seeds
     several = len(seeds) > 1
     who = f"{len(seeds)} networks ({seed_range(seeds)}) that move" if several else "A network that moves"
+    arms = "a planar arm of two joints and six muscles"
+    if config.n_arms == 2:
+        arms = "two planar arms, each of two joints and six muscles"
     about = (
-        f"{who} a planar arm of two joints and six muscles, to "
+        f"{who} {arms}, to "
         f"{config.make_task().description or config.task_folder}. The model is "
         f"`{config.model}`, {config.spec.description}, trained by `{config.algo}`, {ALGORITHMS[config.algo]}."
     )

@@ -15,8 +15,9 @@ from stable_baselines3.common.vec_env import VecNormalize
 from torch import Tensor, nn
 
 from bilateral_rl.envs import ArmVecEnv
+from bilateral_rl.envs.doors import arguments_for
 from bilateral_rl.envs.settings import TrialSettings
-from bilateral_rl.envs.tasks import TaskLike
+from bilateral_rl.envs.tasks import TaskLike, make_task
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies import BilateralActorCriticPolicy, MotorPolicy
 from bilateral_rl.policies.off_policy import BilateralOffPolicyPolicy, BilateralTD3Policy
@@ -67,11 +68,11 @@ class Statistics:
         """Let ``policy`` do with observations what it did with normalized ones, where these were not clipped."""
         mean, std = torch.from_numpy(self.mean), torch.from_numpy(self.std)
         n = len(mean)
-        for layer in _first_layers(policy):
+        for layer, seen in _first_layers(policy):
             # W (x - m) / s + b = (W / s) x + (b - (W / s) m). Critics see more than observations, in further columns.
-            weight = layer.weight.double()
-            weight[:, :n] /= std
-            layer.bias.copy_(layer.bias.double() - weight[:, :n] @ mean)
+            of_seen, weight = len(mean[seen]), layer.weight.double()
+            weight[:, :of_seen] /= std[seen]
+            layer.bias.copy_(layer.bias.double() - weight[:, :of_seen] @ mean[seen])
             layer.weight.copy_(weight)
         for input_mean, input_std in _standardizations(policy):
             # ((x - m) / s - M) / S = (x - (m + s M)) / (s S)
@@ -86,8 +87,8 @@ class Statistics:
         Raises:
             UserError: it is more than one in a hundred.
         """
-        names = settings.__dataclass_fields__
-        arms = ArmVecEnv(_TRIALS, task, seed=0, **{name: getattr(settings, name) for name in names})
+        task = make_task(task)
+        arms = ArmVecEnv(_TRIALS, task, seed=0, **arguments_for(task, settings))
         observations, clipped = arms.reset(), []
         for _ in range(settings.trial_length):
             assert isinstance(observations, np.ndarray)
@@ -108,12 +109,15 @@ def shows_normalization(last_observations: object) -> bool:
     """Whether the last observations that a model saw cannot be an arm's, as a muscle's length is never below 0."""
     if not isinstance(last_observations, np.ndarray) or last_observations.ndim != 2:
         return False
-    low, _ = TrialSettings().observation_bounds()
-    return bool((last_observations[:, low == 0] < 0).any())
+    for n_arms in (1, 2):
+        low, _ = TrialSettings().observation_bounds(n_arms)
+        if last_observations.shape[1] == len(low):
+            return bool((last_observations[:, low == 0] < 0).any())
+    return False
 
 
-def _first_layers(policy: MotorPolicy) -> Iterator[nn.Linear]:
-    """Yield every layer that sees observations as they come."""
+def _first_layers(policy: MotorPolicy) -> Iterator[tuple[nn.Linear, slice]]:
+    """Yield every layer that sees observations as they come, and which of their numbers it sees."""
     networks, critics = [policy.motor_network], list[nn.Module]()
     if isinstance(policy, BilateralTD3Policy):
         networks.append(policy.actor_target.network)
@@ -122,11 +126,17 @@ def _first_layers(policy: MotorPolicy) -> Iterator[nn.Linear]:
     if isinstance(policy, BilateralOffPolicyPolicy) and not policy.standardize_inputs:
         critics += [*policy.critic.q_networks, *policy.critic_target.q_networks]
     for critic in critics:
-        yield next(layer for layer in critic.modules() if isinstance(layer, nn.Linear))
+        yield next(layer for layer in critic.modules() if isinstance(layer, nn.Linear)), slice(None)
     for network in networks:
-        for stack in ("hidden", "dominant", "non_dominant"):
+        each = network.n_inputs_per_arm
+        views = {
+            "hidden": slice(None),
+            "dominant": slice(0, each),
+            "non_dominant": slice(network.n_inputs - each, None),
+        }
+        for stack, seen in views.items():
             if hasattr(network, stack):
-                yield getattr(network, stack)[0]
+                yield getattr(network, stack)[0], seen
 
 
 def _standardizations(policy: MotorPolicy) -> Iterator[tuple[Tensor, Tensor]]:

@@ -182,13 +182,11 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
         return None
     folder, seed = parse_run(config.init_from)
     source = folder.config()
-    architecture, source_architecture = config.spec.architecture, source.spec.architecture
-    sizes = [(c.network.units, c.network.layers) for c in (config, source)]
-    if architecture != source_architecture or sizes[0] != sizes[1]:
+    wanted, found = _shape(config), _shape(source)
+    if wanted != found:
         raise UserError(
-            f"{folder.path} holds {source_architecture} networks of {sizes[1][0]} units in {sizes[1][1]} layers, and "
-            f"{config.model} here is {architecture}, {sizes[0][0]} units in {sizes[0][1]} layers: --init-from "
-            "needs the same."
+            f"The networks of {folder.path} are {_words(found)}, and {config.model} here is {_words(wanted)}: "
+            "--init-from needs the same."
         )
     states = network_states(folder)
     if seed is None and len(states) == 1:
@@ -201,6 +199,24 @@ def initial_states(config: TrainConfig) -> dict[int, Tensors] | None:
             f"{folder.path} has {seed_range(list(states))}, not {missing[0]}: name one, as {folder.path}:{min(states)}."
         )
     return {s: states[s if seed is None else seed] for s in config.all_seeds}
+
+
+def _shape(config: TrainConfig) -> dict[str, Any]:
+    """Return what says what the parameters of a run's network are."""
+    with torch.random.fork_rng(devices=[]):
+        arguments = build_network(config).arguments
+    return {name: value for name, value in arguments.items() if name != "hidden_noise"}
+
+
+def _words(shape: Mapping[str, Any]) -> str:
+    """Say what a network is, in words."""
+    words = f"{shape['architecture']}, {shape['units']} units in {shape['layers']} layers"
+    if shape["n_arms"] == 1:
+        return words
+    words += ", for two arms"
+    if shape["ipsilateral_share"] is not None:
+        words += f", ipsilateral share {shape['ipsilateral_share']:g}{' at first' * shape['trained_combination']}"
+    return words
 
 
 def stack_states(states: Mapping[int, Tensors]) -> Tensors:

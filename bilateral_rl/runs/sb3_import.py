@@ -18,8 +18,9 @@ from bilateral_rl.algorithms.saved_models import algorithm_of
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.resolve import resolve
-from bilateral_rl.config.schema import CONFIGS, RLConfig, TrainConfig
+from bilateral_rl.config.schema import CONFIGS, NetworkConfig, RLConfig, TrainConfig
 from bilateral_rl.config.tasks import TaskWords
+from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.tensors import Tensors
@@ -103,8 +104,7 @@ class SavedModel:
             "timesteps": max(self.data.get("num_timesteps", 0), 1),
             "n_envs": self.data.get("n_envs", 1),
             "network": {
-                "units": network.units,
-                "layers": network.layers,
+                **{field.name: getattr(network, field.name, None) for field in dataclasses.fields(NetworkConfig)},
                 "hidden_noise": network.noise.std,
                 "critic_arch": getattr(policy, "critic_arch", ()),
                 **({} if algo == "td3" else {"log_std_init": self._log_std_init}),
@@ -112,7 +112,14 @@ class SavedModel:
             algo: self._hyperparameters(algo, policy),
             "trial": {"losses": {side: {"penalty": w} for side, w in zip(SIDES, self._penalty_weights, strict=True)}},
         }
-        return resolve(algo, task, [stored, overrides])
+        config = resolve(algo, task, [stored, overrides])
+        if config.n_arms != network.n_arms:
+            commanded = "both arms" if network.n_arms == 2 else "one arm"
+            raise UserError(
+                f"The network of {self.path} commands {commanded}, and {config.task} is for "
+                f"{'both' if config.n_arms == 2 else 'one'}: choose another --task."
+            )
+        return config
 
     @property
     def _log_std_init(self) -> float:
@@ -150,14 +157,18 @@ class SavedModel:
         return {name: plain(value) for name, value in chosen.items() if value is not None}
 
     def _check_spaces(self) -> None:
-        """Raise a UserError unless the model observes and commands what the arm does."""
-        low, _ = TrialSettings().observation_bounds()
+        """Raise a UserError unless the model observes and commands what one arm or two do."""
         observed, commanded = self.data.get("observation_space"), self.data.get("action_space")
-        muscles = spaces.Box(-1.0, 1.0, (6,))
-        if getattr(observed, "shape", None) != low.shape or not _is_same_box(commanded, muscles):
+        sizes = {n_arms: (len(TrialSettings().observation_bounds(n_arms)[0]), n_arms * N_MUSCLES) for n_arms in (1, 2)}
+        if not any(
+            getattr(observed, "shape", None) == (n_observed,)
+            and _is_same_box(commanded, spaces.Box(-1.0, 1.0, (n_muscles,)))
+            for n_observed, n_muscles in sizes.values()
+        ):
             raise UserError(
                 f"{self.path} does not act on the arm: it observes {observed} and commands {commanded}, not "
-                f"{len(low)} numbers and {len(muscles.low)} muscles from -1 to 1."
+                f"{sizes[1][0]} numbers and {sizes[1][1]} muscles from -1 to 1, or of two arms {sizes[2][0]} and "
+                f"{sizes[2][1]}."
             )
 
 
@@ -194,7 +205,7 @@ def import_model(
     if vec_normalize is not None:
         if normalized is False:
             raise UserError(f"{path} was trained on observations as they are: leave --vec-normalize out.")
-        statistics = Statistics.load(vec_normalize, len(TrialSettings().observation_bounds()[0]))
+        statistics = Statistics.load(vec_normalize, len(config.trial.observation_bounds(config.n_arms)[0]))
         statistics.fold_into(policy)
         origin |= {
             "vec_normalize": vec_normalize.name,
