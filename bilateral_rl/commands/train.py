@@ -104,5 +104,6 @@ def _next_training(config: TrainConfig, path: str, out: Path) -> str:
     if config.task not in TASK_SPECS:
         code = f" --task {config.task}" if is_code(config.task) else ""
         return f"bilateral-rl record {path} --out trials.csv{code}"
-    other = next(task for task in TASK_SPECS if task != config.task)
+    others = (task for task, spec in TASK_SPECS.items() if spec.n_arms == config.n_arms)
+    other = next(task for task in others if task != config.task)
     return f"bilateral-rl train --model {config.model} --task {other}{into}"

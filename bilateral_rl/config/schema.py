@@ -261,7 +261,7 @@ class RLConfig(TrainConfig):
 
     @property
     def plan(self) -> str:
-        return f"{self.timesteps:,} steps over {self.n_envs} arms"
+        return f"{self.timesteps:,} steps over {self.n_envs} {'arms' if self.n_arms == 1 else 'pairs of arms'}"
 
     @property
     def penalty_coefficient(self) -> float:

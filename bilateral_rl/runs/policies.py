@@ -247,10 +247,17 @@ def _has_whole_policies(config: TrainConfig) -> bool:
     return config.algo in ALGORITHM_CLASSES
 
 
-def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
+def unfit(module: nn.Module, tensors: Mapping[str, Tensor]) -> list[str]:
+    """Return the names of tensors that ``module`` lacks or has otherwise, or of weights that its settings fix."""
     expected = module.state_dict()
-    wrong = sorted({*expected} ^ {*tensors}) or [k for k in expected if not _is_like(tensors[k], expected[k])]
-    if wrong:
+    if wrong := sorted({*expected} ^ {*tensors}) or [k for k in expected if not _is_like(tensors[k], expected[k])]:
+        return wrong
+    fixed = (name for name, parameter in module.named_parameters() if not parameter.requires_grad)
+    return [name for name in fixed if not torch.equal(tensors[name], expected[name])]
+
+
+def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
+    if wrong := unfit(module, tensors):
         raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
 
 

@@ -19,7 +19,7 @@ from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.config.parse import Values, plain
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.config.schema import CONFIGS, NetworkConfig, RLConfig, TrainConfig
-from bilateral_rl.config.tasks import TaskWords
+from bilateral_rl.config.tasks import TaskWords, choose_task
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
@@ -27,7 +27,7 @@ from bilateral_rl.io.tensors import Tensors
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.runs.folder import FINAL, IMPORTED, RunFolder
 from bilateral_rl.runs.normalized_observations import Statistics, shows_normalization
-from bilateral_rl.runs.policies import build_policy
+from bilateral_rl.runs.policies import build_policy, unfit
 from bilateral_rl.vocabulary import PENALTY_WEIGHTS, SIDES, group_penalties
 
 
@@ -94,6 +94,7 @@ class SavedModel:
         """
         algo, policy = self.algo, self.policy()
         network = policy.motor_network
+        self._check_arms(network.n_arms, task, overrides)
         trained_by = self.data.get("loss", "combined")
         names = [n for n, m in MODELS.items() if (m.architecture, m.loss) == (network.architecture, trained_by)]
         if not names:
@@ -112,14 +113,16 @@ class SavedModel:
             algo: self._hyperparameters(algo, policy),
             "trial": {"losses": {side: {"penalty": w} for side, w in zip(SIDES, self._penalty_weights, strict=True)}},
         }
-        config = resolve(algo, task, [stored, overrides])
-        if config.n_arms != network.n_arms:
-            commanded = "both arms" if network.n_arms == 2 else "one arm"
+        return resolve(algo, task, [stored, overrides])
+
+    def _check_arms(self, n_arms: int, task: TaskWords, overrides: Mapping[str, Any]) -> None:
+        """Raise a UserError for a task of another number of arms than the network's."""
+        found = choose_task(task, [overrides], TrainConfig.task)
+        if found.n_arms != n_arms:
             raise UserError(
-                f"The network of {self.path} commands {commanded}, and {config.task} is for "
-                f"{'both' if config.n_arms == 2 else 'one'}: choose another --task."
+                f"The network of {self.path} commands {'both arms' if n_arms == 2 else 'one arm'}, and {found.task} is "
+                f"for {'both' if found.n_arms == 2 else 'one'}: choose another --task."
             )
-        return config
 
     @property
     def _log_std_init(self) -> float:
@@ -190,11 +193,13 @@ def import_model(
     """
     model = SavedModel.load(path)
     config = model.config(task, overrides)
-    try:
-        policy = build_policy(config)
-        policy.load_state_dict(model.weights)
-    except RuntimeError:
-        raise UserError(f"The policy of {path} has parts that no run has, or not of this size.") from None
+    policy = build_policy(config)
+    if wrong := unfit(policy, model.weights):
+        raise UserError(
+            f"The policy of {path} has parts that no run has, or not of this size: {wrong[0]} does not fit the "
+            "settings."
+        )
+    policy.load_state_dict(model.weights)
     origin: dict[str, Any] = {"imported_from": path.name}
     normalized = model.normalized_observations
     if vec_normalize is None and normalized:

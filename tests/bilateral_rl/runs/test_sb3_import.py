@@ -44,7 +44,7 @@ def make(name, env=None, **values):
     algorithm, policy, arguments, _ = ALGORITHMS[name]
     model = algorithm(policy, env or ArmVecEnv(4, "random_reach", seed=0), device="cpu", seed=5, **arguments | values)
     for parameter in model.policy.parameters():  # as if trained
-        parameter.data += 0.01
+        parameter.data += 0.01 * parameter.requires_grad
     return model
 
 
@@ -52,6 +52,9 @@ def make(name, env=None, **values):
 def saved(tmp_path):
     make("PPO").save(tmp_path / "model")
     return tmp_path / "model.zip"
+
+
+BOTH = {"units": 8, "n_arms": 2, "ipsilateral_share": 0.3}
 
 
 def imported(call, tmp_path, *options, model="model.zip", task="random_reach"):
@@ -73,6 +76,33 @@ def test_a_model_of_any_algorithm_acts_as_before(call, tmp_path, observations, n
     np.testing.assert_array_equal(load_policy(run).predict(observations, deterministic=True)[0], actions)
     own = load_policy(run).state_dict()
     assert all(torch.equal(own[key], tensor) for key, tensor in model.policy.state_dict().items())
+
+
+@pytest.mark.parametrize("name", ["PPO", "HemisphericTD3", "HemisphericSAC"])
+def test_a_model_of_two_arms_acts_as_before_and_its_statistics_are_folded_in(call, tmp_path, name):
+    env = VecNormalize(ArmVecEnv(4, "two_reaches", seed=0), clip_obs=100.0)
+    arms = BOTH if name != "HemisphericTD3" else {"units": 8, "n_arms": 2}  # which is unilateral
+    model = make(name, env, policy_kwargs=arms)
+    env.reset()
+    for _ in range(30):
+        env.step(np.stack([env.action_space.sample() for _ in range(4)]))
+    model.save(tmp_path / "model")
+    env.save(tmp_path / "statistics.pkl")
+    run = imported(call, tmp_path, "--vec-normalize", tmp_path / "statistics.pkl", task="two_reaches")
+    network = load_policy(run).motor_network
+    assert network.arguments == model.policy.motor_network.arguments
+    seen = ArmVecEnv(8, "two_reaches", seed=3).reset()
+    expected, _ = model.predict(env.normalize_obs(seen), deterministic=True)
+    np.testing.assert_allclose(load_policy(run).predict(seen, deterministic=True)[0], expected, atol=1e-4)
+
+
+def test_a_model_of_two_arms_is_no_run_of_one_nor_of_another_combination(call, tmp_path):
+    make("PPO", ArmVecEnv(4, "two_reaches"), policy_kwargs=BOTH).save(tmp_path / "model")
+    assert_refused(call, tmp_path, "commands both arms, and random_reach is for one: choose another --task")
+    options = ("--set", "network.ipsilateral_share=0.2")
+    assert_refused(call, tmp_path, "combination_dominant does not fit the settings", *options, task="two_reaches")
+    make("PPO", ArmVecEnv(4, "two_reaches"), policy_kwargs={"units": 8, "n_arms": 1}).save(tmp_path / "model")
+    assert_refused(call, tmp_path, "commands one arm, and two_reaches is for both", task="two_reaches")
 
 
 def test_the_configuration_says_what_the_model_tells(call, tmp_path):
@@ -138,8 +168,8 @@ def test_what_is_no_model_is_refused(call, tmp_path, saved, wrong):
     assert_refused(call, tmp_path, "is no model saved by stable-baselines3")
 
 
-def assert_refused(call, tmp_path, says, *options):
-    code, out, err = call("import", tmp_path / "model.zip", "--trust-pickle", "--task", "random_reach", *options)
+def assert_refused(call, tmp_path, says, *options, task="random_reach"):
+    code, out, err = call("import", tmp_path / "model.zip", "--trust-pickle", "--task", task, *options)
     assert (code, out) == (2, "")
     assert says in err
     assert err.count("\n") == 1
