@@ -44,7 +44,7 @@ class World:
             for name in names
         }
         self.stuck, self.without, self.noise, self.seeds = {}, (), _IN_THE_NOISE, 10
-        self.tasks = ("reach_and_hold",)
+        self.tasks, self.retrained = ("reach_and_hold",), "output"
 
     def results(self):
         """The tables by spring."""
@@ -55,7 +55,7 @@ class World:
         rows, noise = [], standard_noise(self.seeds, rng)
         for task in self.tasks:
             for model in (m for m in MODELS if m not in self.without):
-                for lesion, protocol in _states(model):
+                for lesion, protocol in _states(model, self.retrained):
                     treatment = treated(protocol)
                     for name, mean in self._means(task, model, lesion, spring).items():
                         values = mean * (1 + self.noise * rng.permutation(noise))
@@ -91,9 +91,9 @@ class World:
         return mean
 
 
-def _states(model):
+def _states(model, retrained):
     lesions = ["intact", "deep_dominant", "deep_non_dominant", *(["callosum"] if model.startswith("cc") else [])]
-    return [(lesion, protocol) for lesion in lesions for protocol in ("none", "output")]
+    return [(lesion, protocol) for lesion in lesions for protocol in ("none", retrained)]
 
 
 def _stuck(name, value):

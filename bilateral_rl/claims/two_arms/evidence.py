@@ -103,6 +103,10 @@ class HandEvidence:
         """Whether there is any result of the model in the task, whatever it is worth."""
         return any(((table["model"] == model) & (table["task"] == self.task)).any() for table in self._results.values())
 
+    def has_results(self, spring: float) -> bool:
+        """Whether there are results of tests with a spring of this stiffness (N/m)."""
+        return spring in self._results
+
     def seeds(self, model: str) -> list[int]:
         """Return the seeds of the intact networks of which there are results, whether they learned or not."""
         values = self._raw("return_dominant", State(self.task, model), None)

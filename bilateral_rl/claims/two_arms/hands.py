@@ -108,7 +108,7 @@ def no_interaction_of_one_side(evidence: HandEvidence) -> list[Aside]:
 def in_roles(evidence: HandEvidence, model: str) -> tuple[Sample, Sample]:
     """Return errors (% of both hands' mean) of each hand in its own role, and of each in the other's; by seed."""
     own, swapped = [], []
-    for role, measure in _decisive(evidence.criteria):
+    for role, measure in decisive(evidence.criteria):
         shares = hand_shares(evidence, model, role, measure)
         own.append(shares[OWN_ROLE[role]])
         swapped.append(shares[OTHER[OWN_ROLE[role]]])
@@ -134,7 +134,14 @@ def hand_shares(evidence: HandEvidence, model: str, role: Role, measure: str) ->
     return {hand: shares[hand] for hand in SIDES}
 
 
-def _decisive(criteria: HandCriteria) -> tuple[tuple[Role, str], ...]:
+def advantage(evidence: HandEvidence, model: str, role: Role, measure: str) -> pd.Series:
+    """Return by seed how much better the hand that a role belongs to is at it, in percent of both hands' mean."""
+    shares, hand = hand_shares(evidence, model, role, measure), OWN_ROLE[role]
+    return shares[OTHER[hand]] - shares[hand]
+
+
+def decisive(criteria: HandCriteria) -> tuple[tuple[Role, str], tuple[Role, str]]:
+    """Return each role with the name of the metric by which it is judged."""
     return ("reach", criteria.deviation), ("hold", criteria.steadiness)
 
 
@@ -178,12 +185,11 @@ def _beside(evidence: HandEvidence, model: str, role: Role) -> str:
 def _told(evidence: HandEvidence, component: Component, model: str) -> Component:
     """Add to an interaction what it is made of: how much better each hand is in its own role."""
     parts = []
-    for role, measure in _decisive(evidence.criteria):
-        shares = hand_shares(evidence, model, role, measure)
-        hand = OWN_ROLE[role]
-        advantage = finite(shares[OTHER[hand]] - shares[hand])
-        if len(advantage):
-            parts.append(f"{hand.replace('_', '-')} hand's advantage in {role} {mean_sd(advantage, 1, '+')} %")
+    for role, measure in decisive(evidence.criteria):
+        better = finite(advantage(evidence, model, role, measure))
+        if len(better):
+            hand = OWN_ROLE[role].replace("_", "-")
+            parts.append(f"{hand} hand's advantage in {role} {mean_sd(better, 1, '+')} %")
     words = f"{model}: {', '.join(parts)}" if parts else ""
     return replace(component, note=join_notes(component.note, words, evidence.left_out([model])))
 

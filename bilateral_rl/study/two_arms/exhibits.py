@@ -12,6 +12,7 @@ from bilateral_rl.study.drawing import Drawing, draw_learning
 from bilateral_rl.study.exhibits import Exhibits, Runs
 from bilateral_rl.study.outcome import StudyResults
 from bilateral_rl.study.trainings import Table
+from bilateral_rl.study.two_arms.drawing import draw_hands
 from bilateral_rl.study.two_arms.judging import criteria_of, results_by_spring
 from bilateral_rl.study.two_arms.readings import HandReading
 from bilateral_rl.study.two_arms.report_tables import HOLDS, REACHES, hand_report_tables
@@ -31,14 +32,16 @@ def exhibits_of_hands(reading: HandReading, shown: Sequence[Table], read: StudyR
     present = {table.training.config.model for table in shown}
     models = [model for model in MODELS if model in present]
     tables = list(hand_report_tables(evidence, tasks, models))
-    return Exhibits(tables, _drawings(runs), _metrics())
+    drawings = _drawings(evidence, models, runs)
+    return Exhibits(tables, drawings, _metrics())
 
 
 def _metrics() -> list[Metric]:
     return [find_metric(name) for name in dict.fromkeys((*REACHES, *HOLDS))]
 
 
-def _drawings(runs: Runs) -> Iterator[Drawing]:
+def _drawings(evidence: HandEvidence, models: Sequence[str], runs: Runs) -> Iterator[Drawing]:
+    yield from draw_hands(evidence, models)
     for task, of_task in runs.items():
         if of_task:
             yield draw_learning(task, of_task)

@@ -11,8 +11,8 @@ from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.metric import ROLES, Role
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.protocols import Protocol
-from bilateral_rl.claims.two_arms.evidence import NOT_LEARNED, OTHER, HandEvidence
-from bilateral_rl.claims.two_arms.hands import OWN_ROLE, hand_shares
+from bilateral_rl.claims.two_arms.evidence import NOT_LEARNED, HandEvidence
+from bilateral_rl.claims.two_arms.hands import advantage, decisive
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.figures.labels import model_label, task_label, with_unit
@@ -96,10 +96,9 @@ def _hands(evidence: HandEvidence, task: str, role: Role, models: Sequence[str])
 
 
 def _better(evidence: HandEvidence, models: Sequence[str]) -> ReportTable:
-    measures: dict[Role, str] = {"reach": evidence.criteria.deviation, "hold": evidence.criteria.steadiness}
     rows = []
     for model in models:
-        reach, hold = (advantage(evidence, model, role, measure) for role, measure in measures.items())
+        reach, hold = (advantage(evidence, model, *measure) for measure in decisive(evidence.criteria))
         closer = -advantage(evidence, model, "reach", "final_error")  # of the non-dominant hand
         both = pd.concat([reach, hold], axis=1, join="inner")
         values = [reach, hold, both.mean(axis=1), (both.iloc[:, 1] - both.iloc[:, 0]) / 2, closer]
@@ -110,12 +109,6 @@ def _better(evidence: HandEvidence, models: Sequence[str]) -> ReportTable:
         "global advantage of the non-dominant hand", "its reaches end closer",
     ]  # fmt: skip
     return ReportTable("roles", "Which hand is better at what (%)", columns, rows, _BETTER_NOTE)
-
-
-def advantage(evidence: HandEvidence, model: str, role: Role, measure: str) -> pd.Series:
-    """Return by seed how much better the hand that a role belongs to is at it, in percent of both hands' mean."""
-    shares, hand = hand_shares(evidence, model, role, measure), OWN_ROLE[role]
-    return shares[OTHER[hand]] - shares[hand]
 
 
 def _lesions(evidence: HandEvidence, models: Sequence[str]) -> ReportTable:

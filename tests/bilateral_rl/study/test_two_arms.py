@@ -67,7 +67,9 @@ def test_networks_are_tested_with_the_spring_and_without_after_lesions_that_clai
         assert "shallow_dominant" not in settings.lesions
         assert ("callosum" in settings.lesions) == table.training.config.model.startswith("cc")
     assert of["reach_and_hold", "bi_s"] == {"none-spring-50", "none-spring-0"}
-    assert of["reach_and_hold", "cc_s"] == {f"{name}-spring-{k}" for name in ("none", "output") for k in (50, 0)}
+    assert of["reach_and_hold", "cc_s"] == {
+        f"{name}-spring-{k}" for name in ("none", "output-lr-0.001") for k in (50, 0)
+    }
     assert of["two_reaches", "cc_s"] == of["two_holds", "bi_ns"] == {"none-spring-0"}
 
 
@@ -131,7 +133,7 @@ def fill(folder, made, world):
 def concluded(tmp_path_factory):
     """A study of made-up results that bear out every claim; a seed of one model never learned."""
     folder, world, made = tmp_path_factory.mktemp("study"), World(), grid(["default"])
-    world.tasks, world.stuck = TASKS_OF["two_arms"], {"cc_s": (4,)}
+    world.tasks, world.stuck, world.retrained = TASKS_OF["two_arms"], {"cc_s": (4,)}, "output-lr-0.001"
     return folder, conclude(made, folder, fill(folder, made, world))
 
 
@@ -159,6 +161,11 @@ def test_tables_tell_hands_roles_arms_and_who_never_learned(concluded):
     arms = tables["arms"].iloc[:, 0]
     assert "CC-S, deep dominant: dominant hand (contralesional)" in set(arms)
     assert "CC-S, deep dominant: non-dominant hand (ipsilesional)" in set(arms)
+
+
+def test_figures_show_hands_roles_and_arms(concluded):
+    there = {path.stem for path in (concluded[0] / "figures").glob("*.png")}
+    assert {"hands_and_roles", "roles_interaction", "arms_after_lesions"} <= there
 
 
 def test_the_report_tells_what_claims_rest_on(concluded):
