@@ -50,11 +50,13 @@ LABELS: dict[str, tuple[str, ...]] = {
 }
 """The names along each dimension that has names; layers and units of a network are numbered from 1."""
 _ORIGIN = ", the shoulder at the origin"
-_IN_BODY = "in the frame of the body, with the midline at x = 0, the dominant side at x > 0, the shoulders at y = 0"
+_IN_BODY = "; in the frame of the body"
 _FRAME_WORDS = {
     "none": "",
     "own": "; in the arm's own frame, with the shoulder at the origin and x away from the midline",
-    **dict.fromkeys(("position", "vector", "angle"), f"; {_IN_BODY}"),
+    "position": f"{_IN_BODY}, with the midline at x = 0, the dominant side at x > 0, and the shoulders at y = 0",
+    "vector": _IN_BODY,
+    "angle": _IN_BODY,
 }
 _OF_AN_ARM = ("joint", "axis", "muscle", "observed")
 
@@ -218,7 +220,9 @@ LABEL_FIELDS = (
     Field("seed", (), "", "seed of the network", of="trial"),
     Field("lesion", (), "", "lesion of the network, or intact", of="trial"),
     Field("trial", (), "",
-          "number of the trial, from 0: the first trial of the seed `trial_seed` (in the metadata) plus this number",
+          "number of the trial, from 0: the first trial of the seed `trial_seed` (in the metadata) plus this number; "
+          "where either of two arms may have either part, that holds for even numbers, and the next trial is the same "
+          "with the arms exchanged",
           of="trial"),
     Field("condition", (), "",
           f"what is special of the trial: {', '.join(_WRITTEN)}, or several joined by +; of experiments alone"),

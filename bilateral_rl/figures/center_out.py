@@ -12,6 +12,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.figures.hands import hand_label
 from bilateral_rl.figures.style import INK, LABEL_SIZE, WIDTH, new_figure, set_note, set_title, style_axes
 
 Floating = NDArray[np.floating]
@@ -59,22 +60,37 @@ class Reaches:
 
 
 def reaches_of(record: TrialRecord) -> Reaches:
-    """Return the reaches of a record: its trials but for those without a cue, which reach for nothing."""
-    return _chosen(record, ~record.plan.has("no_go"))
+    """Return the reaches of a record: its trials but for those without a cue, which reach for nothing.
+
+    Of two arms, those of both hands, in the frame of the body, and not what hands do that hold.
+    """
+    return _chosen(record, _reach(record))
 
 
 def reaches_by_force(record: TrialRecord) -> dict[str, Reaches]:
-    """Return :func:`reaches_of` a record by the force on the hand, such as "field", "channel" and "null"."""
+    """Return :func:`reaches_of` a record by the force on the hand, such as "field", "channel" and "null".
+
+    Of two arms by the hand, too: "dominant hand, field"; or by the hand alone, where there are no forces.
+    """
     plan = record.plan
     parts = [[part for part in joined.split("+") if part in _FORCES] for joined in plan.condition]
-    words = np.array(["+".join(of_trial) or "null" for of_trial in parts])
-    comes = ~plan.has("no_go")
-    rows = {name: comes & (words == name) for name in dict.fromkeys(words.tolist())}
+    words = np.array(["+".join(of_trial) or "null" for of_trial in parts], dtype=object)
+    if record.n_arms > 1:
+        hands = np.array([hand_label(hand) for hand in plan.hand], dtype=object)
+        words = hands if (words == "null").all() else hands + ", " + words
+    rows = {name: _reach(record) & (words == name) for name in dict.fromkeys(words.tolist())}
     return {name: _chosen(record, of) for name, of in rows.items() if of.any()}
 
 
+def _reach(record: TrialRecord) -> NDArray[np.bool_]:
+    """(n,): which trials, or hands of trials of two arms, reach for something."""
+    comes = ~record.plan.has("no_go")
+    return comes if record.n_arms == 1 else comes & (record.plan.role == "reach")
+
+
 def _chosen(record: TrialRecord, rows: NDArray[np.bool_]) -> Reaches:
-    return Reaches(record.hand[rows], record.target[rows], record.plan.goal[rows])
+    places = (record.hand, record.target, record.plan.goal)
+    return Reaches(*(record.body_positions(of)[rows] for of in places))
 
 
 def has_few_targets(reaches: Reaches) -> bool:

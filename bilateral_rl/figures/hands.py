@@ -8,6 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.figures.style import TEXT_SIZE, ModelStyle
 from bilateral_rl.vocabulary import SIDES
 
@@ -28,6 +29,15 @@ def hand_label(hand: str, role: str | None = None) -> str:
     """Return a hand in words, with its role: "non-dominant hand, hold"."""
     words = f"{hand.replace('_', '-')} hand"
     return f"{words}, {role}" if role else words
+
+
+def by_hand_and_role(record: TrialRecord) -> dict[str, NDArray[np.bool_]]:
+    """Return which rows (n,) of a record are of each hand in each role, by words for it; of one arm all, by none."""
+    plan = record.plan
+    if record.n_arms == 1:
+        return {"": np.ones(len(plan.hand), dtype=np.bool_)}
+    rows = {hand_label(*of): (plan.hand == of[0]) & (plan.role == of[1]) for of in HAND_STYLES}
+    return {words: of for words, of in rows.items() if of.any()}
 
 
 def draw_paths_of_two(
@@ -65,9 +75,10 @@ def draw_paths_of_two(
             axes.plot(*path.T, color=color, linewidth=1.4, gid=f"{hand} {role}")
             axes.plot(*path[0], "s" if holds else "o", color=color, markersize=4)
     axes.axvline(0, color="0.85", linewidth=0.8, linestyle=(0, (6, 4)), zorder=0)
-    width = shoulders[0] + 103 * reach
+    farthest = 102 * (reach + radius)
     lowest = 100 * min(hands[..., 1].min(), targets[..., 1].min() - radius)
-    axes.set(xlim=(-width, width), ylim=(min(-0.2 * 100 * reach, 1.05 * lowest), 103 * reach), aspect="equal")
+    axes.set(xlim=(-shoulders[0] - farthest, shoulders[0] + farthest), aspect="equal")
+    axes.set(ylim=(min(-40 * reach, 1.05 * lowest), farthest))
     axes.set(xlabel="hand x (cm), from the body's midline", ylabel="hand y (cm), shoulders at +")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -84,4 +95,4 @@ def _draw_legend(axes: Axes, roles: list[str]) -> None:
             Line2D([], [], linestyle="", color="0.3", marker=marks[role][0], markersize=4, label=marks[role][1])
             for role in ROLES
         ]
-    axes.legend(handles=handles, loc="lower center", ncols=len(handles), fontsize=TEXT_SIZE, frameon=False)
+    axes.legend(handles=handles, loc="lower center", ncols=2, fontsize=TEXT_SIZE, frameon=False, handlelength=1.5)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from arm_pictures import ARM, ONE, RADIUS, changed, hand
 
-from bilateral_rl.envs.arm_drawing import OF_TWO
+from bilateral_rl.envs import ArmEnv, ArmVectorEnv
+from bilateral_rl.envs.arm.physics import ACTIVATION
+from bilateral_rl.envs.arm_drawing import OF_TWO, ArmScene
 from bilateral_rl.envs.body_frame import in_body_frame
 from bilateral_rl.envs.canvas import Canvas, View
 from bilateral_rl.envs.force_drawing import HandForceScene
@@ -160,3 +162,41 @@ def test_forces_of_the_non_dominant_hand_are_drawn_mirrored():
         at = in_body_frame(np.stack([hand(angles) for angles in POSTURES]), APART)[0 if x > 0 else 1, 0]
         middle = frame.shape[1] / 2 + at * frame.shape[1] / (2 * (APART / 2 + sum(ARM.link_length) + 0.02))
         assert x * (columns.mean() - middle) > 10
+
+
+def test_an_environment_draws_both_hands_in_their_roles_and_the_spring():
+    env = ArmEnv("reach_and_hold", render_mode="rgb_array")
+    env.reset(seed=0)
+    start = env.batch.hand.copy()
+    for _ in range(8):
+        env.step(np.resize([0.5, -1.0], 12))
+    batch, (picture,) = env.batch, env._view.pictures()
+    roles = ["hold" if np.array_equal(goal, at) else "reach" for goal, at in zip(batch.target, start, strict=True)]
+    assert sorted(roles) == ["hold", "reach"]
+    at_start, now = (in_body_frame(hands, APART) for hands in (start, batch.hand))
+    force = 50 * ((now[1] - now[0]) - (at_start[1] - at_start[0]))
+    assert np.linalg.norm(force) > 0.1
+    arms = tuple(
+        ArmScene(
+            angles=batch.joint[row, :2],
+            activation=batch.muscle[row, ACTIVATION],
+            target=batch.target[row],
+            path=np.stack(env._view._paths[0])[:, row],
+            load=np.zeros(2),
+            role=roles[row],
+        )
+        for row in range(2)
+    )
+    spring = SpringScene(float(np.linalg.norm(at_start[1] - at_start[0])), force)
+    expected = draw(ARM, Scene(arms, 0.05, "", APART, spring), 480)
+    assert changed(picture, expected).mean() < 0.001
+    assert changed(picture, draw(ARM, Scene(arms, 0.05, "", APART), 480)).mean() > 0.002
+
+
+def test_a_vectorized_environment_draws_a_picture_a_trial():
+    env = ArmVectorEnv(2, "reach_and_hold", render_mode="rgb_array", two_arms={"spring": {"stiffness": 0.0}})
+    env.reset(seed=0)
+    pictures = env.render()
+    assert len(pictures) == 2
+    assert changed(*pictures).any()
+    assert all(len(places(SPRING, picture)[0]) < 20 for picture in pictures)

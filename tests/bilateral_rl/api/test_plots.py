@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from two_arm_recordings import two_arms
 
 import bilateral_rl as brl
 from bilateral_rl.analysis.kinematics import hand_speed
@@ -233,3 +234,30 @@ def test_without_an_axis_there_is_a_new_figure(recording, monkeypatch):
 def test_a_slip_is_a_sentence(recording, results, wrong, says):
     with pytest.raises(UserError, match=says):
         wrong(recording, results)
+
+
+def test_both_hands_of_a_recording_are_drawn(ax):
+    recording = two_arms().recording
+    brl.plot_paths(recording, ax, trials=2)
+    (first, *_) = [line for line in ax.lines if str(line.get_gid()).startswith("non_dominant")]
+    np.testing.assert_allclose(np.transpose(first.get_data()), 100 * recording["hand"][0, :, 1], rtol=1e-5)
+    speeds = brl.plot_speeds(recording, Figure().subplots())
+    assert [line.get_label() for line in speeds.lines] == [
+        "dominant hand, reach", "dominant hand, hold", "non-dominant hand, reach", "non-dominant hand, hold",
+    ]  # fmt: skip
+    holds = recording["hand"][recording["role"][:, 1] == "hold", :, 1]
+    mean = 100 * hand_speed(holds, recording.timestep).mean(axis=0)
+    np.testing.assert_allclose(speeds.lines[-1].get_ydata(), mean, rtol=1e-3, atol=1e-2)
+
+
+def test_figures_of_one_arm_take_one_hand(ax):
+    recording = two_arms().recording
+    for plot in (brl.plot_muscles, brl.plot_center_out, brl.plot_channel):
+        with pytest.raises(UserError, match=r'is of two arms: draw one hand, as by recording.of_hand\("dominant"\)'):
+            plot(recording)
+    brl.plot_muscles(recording.of_hand("non_dominant", "hold"), ax)
+    rows = recording["role"][:, 1] == "hold"
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), recording["activation"][rows, :, 1, 0].mean(axis=0), rtol=1e-5)
+    arrays = recording.arrays | {"lesion": np.array(["intact", "callosum"] * 2)}
+    with pytest.raises(UserError, match="both hands after several lesions"):
+        brl.plot_speeds(dataclasses.replace(recording, arrays=arrays))

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from plain_trials import two_hands
 from rich_tasks import no_forces
 
 from bilateral_rl.envs.arm import ArmParameters
@@ -154,3 +155,35 @@ def test_controllers_stand_side_by_side(make_record, make_film):
         last = picture[(rows - 1) * SIZE :, (n - 1) % columns * SIZE :][:SIZE, :SIZE]
         assert (last[CAPTION:] == picture[CAPTION:SIZE, :SIZE]).all()
         assert (last[:CAPTION] != picture[:CAPTION, :SIZE]).any() == (n > 1)  # another name
+
+
+@pytest.fixture(scope="module")
+def of_two():
+    """Two trials of two hands in the dominant one's first of which a spring pulls."""
+    record = two_hands()
+    force = np.zeros((4, 11, 2), np.float32)
+    force[0, :, 0], force[1, :, 0] = -np.arange(11), -np.arange(11)  # toward the midline, in either arm's own frame
+    return dataclasses.replace(record, spring_force=force)
+
+
+def test_a_scene_of_two_arms_shows_both_what_they_do_and_the_spring(of_two):
+    take = Performance("cc_s", of_two, 0.05)
+    scene = take.scene(0, 4, "t")
+    assert [one.role for one in scene.arms] == ["reach", "hold"]
+    assert [one.words for one in scene.arms] == ["goal not reached yet", "in the goal 4 of 4 steps"]
+    assert scene.caption.splitlines() == ["cc_s", "t"]
+    for row, one in enumerate(scene.arms):
+        np.testing.assert_array_equal(one.path, of_two.hand[row, :5])
+        np.testing.assert_array_equal(one.target, of_two.target[row])
+    assert scene.shoulder_distance == 0.36
+    np.testing.assert_array_equal(scene.spring.force, (-4, 0))
+    assert scene.spring.start_length == pytest.approx(0.36)
+    assert [one.role for one in take.scene(1, 0, "t").arms] == ["hold", "reach"]
+    assert take.scene(1, 0, "t").spring is None
+
+
+def test_a_film_of_two_arms_is_as_broad_as_its_pictures(of_two, make_film):
+    film = make_film(of_two, of_two)
+    assert (film.trials, film.steps) == (2, 10)
+    assert film.picture(1, 10).shape == (*film.shape, 3)
+    assert film.shape[1] > 2 * SIZE
