@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as np_st
 from rich_tasks import no_forces
 
-from bilateral_rl.envs.tasks import NEVER, HandForces, Timeline
+from bilateral_rl.envs.tasks import NEVER, HandForces, Spring, Timeline
 
 N = 3
 """Arms of the batches that are tried."""
@@ -127,6 +127,20 @@ def trials(draw: Any, n: int, rich: bool = False) -> tuple[Any, ...]:
     for i in draw(st.sampled_from([(0,), (1,), (2,), (0, 1, 2)])):
         fields[i] = draw(anything((n, 2)))
     return (*fields, Timeline(0, NEVER, (0.5, 0.5)), no_forces()) if rich else tuple(fields)
+
+
+@st.composite
+def trials_of_two_arms(draw: Any, n: int) -> tuple[Any, ...]:
+    """The fields of ``n`` trials of two arms, of which one may be anything, or the spring."""
+    fields: list[Any] = [np.full((n, 2, 2), 0.5), np.float32([[[1.0, 1.5], [0.5, 0.5]]]), np.zeros((2, 2)), None, None]
+    spring: list[Any] = [np.full(n, 50.0), 1.0]
+    i = draw(st.integers(0, 4))
+    if i < 3:
+        fields[i] = draw(anything((n, 2, 2)))
+    else:
+        spring[i - 3] = draw(anything((n,), 0, 99))
+    whole = st.sampled_from([Spring(*spring)] * 6 + [None, tuple(spring), no_forces()])
+    return (*fields, draw(whole))
 
 
 @st.composite

@@ -12,7 +12,19 @@ from typing import Any
 import numpy as np
 import torch
 import warp as wp
-from door_inputs import LENGTH, SCALARS, N, anything, changes, choice, starts, tensors, torch_steps, trials
+from door_inputs import (
+    LENGTH,
+    SCALARS,
+    N,
+    anything,
+    changes,
+    choice,
+    starts,
+    tensors,
+    torch_steps,
+    trials,
+    trials_of_two_arms,
+)
 from given_actions import acting
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as np_st
@@ -34,7 +46,7 @@ from bilateral_rl.envs import (
 from bilateral_rl.envs.arm.kernels import arm_kernels
 from bilateral_rl.envs.arm.warp_start import start_warp
 from bilateral_rl.envs.measures import trial_measures
-from bilateral_rl.envs.tasks import Timeline
+from bilateral_rl.envs.task import Spring, Timeline
 from bilateral_rl.envs.trial_arrays import Features, TrialRows, vec2
 from bilateral_rl.envs.trial_kernels import trial_kernels
 from bilateral_rl.envs.trials import TrialBatch
@@ -76,6 +88,8 @@ class Arms:
     env: Any = field(init=False)
     vector_env: Any = field(init=False)
     task: Any = field(init=False)
+    pairs: Any = field(init=False)
+    pair_task: Any = field(init=False)
 
     def __post_init__(self) -> None:
         rich = self.rich
@@ -91,6 +105,16 @@ class Arms:
                     return Trials(sound, sound, sound, *((Timeline(1, 2, (1.0, 1.0)), no_forces()) if rich else ()))
                 return Trials(*self.given) if len(self.given) >= 3 else self.given[0]
 
+        class GivesPairs(Gives):
+            n_arms = 2
+            has_timeline = has_forces = False
+
+            def trials(self, uniform, settings):
+                if self.given is not None:
+                    return super().trials(uniform, settings)
+                sound = np.full((2, 2), 0.5)
+                return Trials(sound, sound, sound, spring=Spring(50.0, 1.0))
+
         kinds = {"trial_length": LENGTH, "motor_noise": self.noise, "feedback_delay": 2}
         if rich:
             kinds = {"trial_length": LENGTH, **RICH_SETTINGS, "motor_noise": self.noise}
@@ -98,6 +122,8 @@ class Arms:
         self.batch = TrialBatch(self.task, TrialSettings(**kinds), N)
         self.vec_env, self.env = ArmVecEnv(N, self.task, seed=0, **kinds), ArmEnv(self.task, **kinds)
         self.vector_env = ArmVectorEnv(N, self.task, autoreset_mode="Disabled", **kinds)
+        self.pair_task = GivesPairs()
+        self.pairs = ArmVecEnv(N, self.pair_task, seed=0, trial_length=LENGTH, motor_noise=self.noise, feedback_delay=2)
         self.reset()
 
     def reset(self) -> None:
@@ -125,6 +151,16 @@ class Arms:
                 assert np.isfinite(joint).all(), "an arm in no posture"
         finally:
             self.task.given = None
+
+    def with_pairs(self, *given: Any) -> None:
+        self.pair_task.given = given
+        try:
+            self.pairs.reset()
+            for _ in range(LENGTH + 1):
+                self.pairs.step(np.zeros((N, 12), np.float32))
+            assert np.isfinite(self.pairs.batch.joint[:, :2]).all(), "an arm in no posture"
+        finally:
+            self.pair_task.given = None
 
     def start(self, arms: Any, trials: tuple[Any, ...], noise: Any, action: Any) -> None:
         self.batch.start(arms, Trials(*trials), noise)
@@ -304,6 +340,7 @@ def make_doors(noise: float = 0.0, rich: bool = False) -> dict[str, Door]:
         "a task's trials, many arms": Door(lambda t: arms.with_trials("vec_env", *t), many),
         "a task's trials, one arm": Door(lambda t: arms.with_trials("env", *t), one),
         "a task's trials, supervised": Door(lambda t: arms.with_trials("bptt", *t), many),
+        "a task's trials, two arms": Door(lambda t: arms.with_pairs(*t), st.tuples(trials_of_two_arms(N) | no_trials)),
         "start": Door(arms.start, starts(noisy, rich)),
         "an action": Door(arms.act, st.tuples(faces_of_steps, actions | anything((6,)))),
         "reset's options": Door(arms.options, st.tuples(options | SCALARS, st.none() | st.integers(0, 9) | SCALARS)),
