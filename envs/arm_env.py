@@ -12,13 +12,14 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
-from bilateral_rl.envs.doors import checked_seed, checked_trials, numbers, settings_for
+from bilateral_rl.envs.doors import checked_seed, numbers, settings_for
 from bilateral_rl.envs.measures import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
 from bilateral_rl.envs.task import PLACES, Trials
 from bilateral_rl.envs.tasks import TaskLike, make_task
+from bilateral_rl.envs.trial_checks import checked_trials
 from bilateral_rl.envs.trials import TrialBatch
 
 _ARM = np.zeros(1, dtype=np.int32)

@@ -5,9 +5,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from bilateral_rl.envs.arm.hand_force import hand_force, is_within
-from bilateral_rl.envs.arm.hand_spring import distance_spring, seen_from_other_arm, vector_spring
-from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, proprioception, resting_muscles
+from bilateral_rl.envs.arm.muscles import activate, muscle_torque, muscles_at, resting_muscles
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import ACTIVATION, FORCE, hand, next_joint
 from bilateral_rl.envs.reward import StepWeights, further_terms, step_terms
@@ -24,11 +22,8 @@ from bilateral_rl.envs.trial_arrays import (
     vec4,
     vec6,
 )
-
-HAND = 2 * N_MUSCLES
-"""Where the own hand stands in what an arm sees."""
-N_VIEW = HAND + 8
-"""Numbers that each of two arms sees: its muscles, then x and y of its hand, the other's, its target, the other's."""
+from bilateral_rl.envs.trial_forces import moving_force, spring_force, start_forces, start_spring
+from bilateral_rl.envs.trial_senses import HAND, N_VIEW, observe, see_hand, see_other_arm, sense
 
 
 class TrialKernels(NamedTuple):
@@ -52,60 +47,6 @@ def hand_position(p: Parameters, joint: vec4) -> vec2:
 def at_rest(angles: vec2) -> vec4:
     """Return the joint state at rest at these angles (rad)."""
     return vec4(angles[0], angles[1], 0.0, 0.0)
-
-
-@wp.func
-def sense(p: Parameters, s: TrialArrays, arm: int, clock: int, slot: int) -> None:
-    """Write what arm ``arm`` senses after ``clock`` steps into ``slot`` of its ring."""
-    sensed_now = proprioception(p, s.muscle[arm])
-    row = clock % s.noise.shape[1]
-    for k in range(2 * N_MUSCLES):
-        s.sensed[arm, slot, k] = sensed_now[k] + s.noise[arm, row, k]
-    for axis in range(2):
-        s.sensed[arm, slot, 2 * N_MUSCLES + axis] = s.hand[arm][axis] + s.noise[arm, row, 2 * N_MUSCLES + axis]
-
-
-@wp.func
-def slot_before(s: TrialArrays, newest: int, steps: int) -> int:
-    """Return the slot of the ring that was written ``steps`` before ``newest``; a remainder would take longer."""
-    slot = newest - steps
-    if slot < 0:
-        slot += s.sensed.shape[1]
-    return slot
-
-
-@wp.func
-def observe(s: TrialArrays, trial: int, arm: int, newest: int, first: int, targets: int) -> None:
-    """Write what arm ``arm`` sees of itself, kept within its space, from the ring whose slot ``newest`` is the last.
-
-    In the observation of its trial it begins at ``first``, and its target stands at ``targets``.
-    """
-    slot = slot_before(s, newest, s.muscle_delay)
-    for k in range(N_SENSED):
-        seen = s.sensed[arm, slot, k]
-        s.observation[trial, first + k] = wp.clamp(seen, s.observation_low[first + k], s.observation_high[first + k])
-    for axis in range(2):
-        s.observation[trial, targets + axis] = s.target[arm][axis]
-
-
-@wp.func
-def see_hand(s: TrialArrays, trial: int, arm: int, newest: int, first: int) -> None:
-    """Write the seen hand anew, which lags by a delay of its own."""
-    slot = slot_before(s, newest, s.hand_delay)
-    for k in range(2 * N_MUSCLES, N_SENSED):
-        seen = s.sensed[arm, slot, k]
-        s.observation[trial, first + k] = wp.clamp(seen, s.observation_low[first + k], s.observation_high[first + k])
-
-
-@wp.func
-def see_other_arm(s: TrialArrays, trial: int, shoulder_distance: float) -> None:
-    """Show either arm the hand and the target of the other one, as that sees them, in its own frame."""
-    for arm in range(2):
-        for thing in range(2):  # hand, target
-            at = HAND + 4 * thing
-            x = s.observation[trial, (1 - arm) * N_VIEW + at]
-            s.observation[trial, arm * N_VIEW + at + 2] = -x - shoulder_distance
-            s.observation[trial, arm * N_VIEW + at + 3] = s.observation[trial, (1 - arm) * N_VIEW + at + 1]
 
 
 @wp.func
@@ -134,49 +75,6 @@ def follow_timeline(s: TrialArrays, t: TimelineArrays, arm: int, step: int) -> N
         s.target[arm] = target
         t.onset[arm] = step
         s.start_distance[arm] = wp.length(s.hand[arm] - target)
-
-
-@wp.func
-def start_forces(b: TrialRows, f: ForceArrays, i: int, arm: int) -> None:
-    """Take over the forces of trial ``i``."""
-    f.force[arm] = b.load[i]
-    f.offset[arm] = b.offset[i]
-    f.velocity_gain[arm] = b.velocity_gain[i]
-    f.position_gain[arm] = b.position_gain[i]
-    f.pulse[arm] = b.pulse[i]
-    f.pulse_window[arm] = b.pulse_window[i]
-
-
-@wp.func
-def moving_force(f: ForceArrays, arm: int, step: int, cartesian: vec4) -> vec2:
-    """Return the force (N) beside the load on a hand of position and velocity ``cartesian`` in ``step``."""
-    force = hand_force(cartesian, f.offset[arm], f.velocity_gain[arm], f.position_gain[arm])
-    window = f.pulse_window[arm]
-    if is_within(step, window[0], window[1]):
-        force += f.pulse[arm]
-    return force
-
-
-@wp.func
-def start_spring(b: TrialRows, s: TrialArrays, f: ForceArrays, i: int, trial: int) -> None:
-    """Take over the spring of trial ``i``, at rest where the hands start."""
-    f.stiffness[trial] = b.stiffness[i]
-    f.damping[trial] = b.damping[i]
-    own, other = s.hand[2 * trial], s.hand[2 * trial + 1]
-    seen = seen_from_other_arm(vec4(other[0], other[1], 0.0, 0.0), f.shoulder_distance)
-    f.rest[trial] = vec2(seen[0] - own[0], seen[1] - own[1])
-    for arm in range(2):
-        f.force[2 * trial + arm] = s.load[2 * trial + arm]
-
-
-@wp.func
-def spring_force(f: ForceArrays, trial: int, own: vec4, other: vec4) -> vec2:
-    """Return the force (N) of the spring on the dominant hand, each hand in its own arm's frame."""
-    seen = seen_from_other_arm(other, f.shoulder_distance)
-    stiffness, damping = f.stiffness[trial], f.damping[trial]
-    if f.of_distance:
-        return distance_spring(own, seen, f.rest[trial], stiffness, damping)
-    return vector_spring(own, seen, f.rest[trial], stiffness, damping)
 
 
 @wp.func

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm.physics import kernel_parameters
 from bilateral_rl.envs.arm.warp_start import known_device
-from bilateral_rl.envs.doors import checked_arms, checked_trials, numbers, renewed, whole_number
+from bilateral_rl.envs.doors import checked_arms, numbers, renewed, whole_number
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.reward import step_weights
 from bilateral_rl.envs.settings import TrialSettings
@@ -28,6 +28,7 @@ from bilateral_rl.envs.trial_arrays import (
     trial_rows,
     vec6,
 )
+from bilateral_rl.envs.trial_checks import checked_trials
 from bilateral_rl.envs.trial_kernels import load_kernels, trial_kernels
 
 if TYPE_CHECKING:

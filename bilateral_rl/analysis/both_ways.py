@@ -12,10 +12,11 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from bilateral_rl.envs.doors import checked_trials, whole_number
+from bilateral_rl.envs.doors import whole_number
 from bilateral_rl.envs.experiments.exchanged import exchanged
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task import HandForces, Task, Trials
+from bilateral_rl.envs.trial_checks import checked_trials
 from bilateral_rl.envs.trials import TrialBatch
 from bilateral_rl.io.errors import UserError
 

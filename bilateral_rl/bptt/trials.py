@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.envs.arm import Arm
-from bilateral_rl.envs.doors import checked_trials
 from bilateral_rl.envs.forces import affine_forces
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.tasks import Task
+from bilateral_rl.envs.trial_checks import checked_trials
 
 _WEIGHTS, _TRAINING, _VALIDATION, _ORDER, _RETRAINING, _RETRAINING_ORDER = range(6)
 """Numbers of a seed's random streams; none depends on how much of another was used."""

@@ -5,9 +5,9 @@ import pytest
 
 from bilateral_rl.envs import ArmParameters, ArmVecEnv, Experiment, ExperimentTask, TrialSettings, hand_position
 from bilateral_rl.envs.body_frame import in_body_frame
-from bilateral_rl.envs.doors import checked_trials
 from bilateral_rl.envs.experiments.standing import standing_arms
 from bilateral_rl.envs.task import NEVER
+from bilateral_rl.envs.trial_checks import checked_trials
 
 MANY = 20_000
 RIGHT = {"start": {"hand": [0.1, 0.4]}, "target": {"center_out": {"number": 4, "radius": 0.1}}}

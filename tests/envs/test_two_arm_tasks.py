@@ -8,11 +8,12 @@ from hypothesis.extra.numpy import arrays
 
 from bilateral_rl.envs import TASKS, ArmEnv, ArmParameters, RandomReach, TrialBatch, TrialSettings
 from bilateral_rl.envs.body_frame import in_body_frame
-from bilateral_rl.envs.doors import checked_trials, settings_for
+from bilateral_rl.envs.doors import settings_for
 from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.stability import MOST_GROWTH, mobility
 from bilateral_rl.envs.task import Spring
 from bilateral_rl.envs.task_specs import TASK_SPECS
+from bilateral_rl.envs.trial_checks import checked_trials
 
 TWO_ARM_TASKS = [name for name, spec in TASK_SPECS.items() if spec.n_arms == 2]
 ARM = ArmParameters()

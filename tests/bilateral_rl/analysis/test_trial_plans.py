@@ -6,9 +6,9 @@ import pytest
 from bilateral_rl.analysis.trial_plans import plan_of
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.envs import TrialSettings
-from bilateral_rl.envs.doors import checked_trials
 from bilateral_rl.envs.kinematics import hand_position
 from bilateral_rl.envs.tasks import NEVER, HandForces, Task, Timeline, Trials
+from bilateral_rl.envs.trial_checks import checked_trials
 
 SETTINGS = TrialSettings(trial_length=20)
 
