@@ -116,6 +116,19 @@ def preferred_metric(task: TaskLike, radius: float) -> str:
     return f"{name}{IN}{known.mixes[0]}" if known.mixes else name
 
 
+def preferred_by_hand(task: TaskLike, radius: float) -> list[str]:
+    """Return the names of what each hand of two is judged by in its roles, at a goal of ``radius`` (m).
+
+    A hand that reaches is judged by the share of completed reaches, one that holds by its time in the goal.
+
+    Raises:
+        UserError: the task does not exist.
+    """
+    known = _known(task)
+    judged = {role: find_metric(metric_name(start, radius)) for start, role in _KINDS.items()}
+    return [judged[role or _roles(known)[0]].of(hand, role).name for hand, role in _hands(known)]
+
+
 def preferred_among(names: Iterable[str], radius: float) -> str:
     """Return the one of several metrics that :func:`preferred_metric` would name for their task, which is not known.
 

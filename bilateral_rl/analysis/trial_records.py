@@ -121,6 +121,13 @@ class TrialRecord:
             "return_non_dominant": float(non_dominant),
         }
 
+    def numbers_by_hand(self, radius: float) -> dict[str, float]:
+        """Return :meth:`summaries_by_hand` by name, ``final_error_cm_of_dominant_hold``; of one arm nothing."""
+        if self.n_arms == 1:
+            return {}
+        by_hand = self.summaries_by_hand(radius).items()
+        return {f"{name}_of_{hand}_{role}": value for (hand, role), means in by_hand for name, value in means.items()}
+
     def summaries_by_hand(self, radius: float) -> dict[tuple[str, str], dict[str, float]]:
         """Return by hand and role what :meth:`summary` has of hands; of hands that hold, no completion and no speed."""
         found: dict[tuple[str, str], dict[str, float]] = {}

@@ -21,25 +21,25 @@ _UNTIL = "until the hand first comes within 2 cm of the target"
 
 # fmt: off
 TRIAL_METRICS: tuple[Metric, ...] = (
-    Metric("perpendicular_deviation_until_2cm", "Maximal perpendicular deviation until 2 cm from the target", "cm",
+    Metric("perpendicular_deviation_until_2cm", "Perpendicular deviation on the way", "cm",
            _REACH, "lower",
            f"Largest distance of the hand from the line through start and target, {_UNTIL} "
            "(Atkeson & Hollerbach 1985, doi:10.1523/JNEUROSCI.05-09-02318.1985).",
            lambda record: mean(over_reaches(
                record, lambda reach: kinematics.perpendicular_deviation(reach.hand, reach.target, NEAR)), 100)),
-    Metric("path_length_ratio_until_2cm", "Path length ratio until 2 cm from the target", "", _REACH, "lower",
+    Metric("path_length_ratio_until_2cm", "Path length ratio on the way", "", _REACH, "lower",
            f"Length of the hand's path over the straight distance that it had to go, {_UNTIL}; 1 is straight, less "
            "fell short (Coderre et al. 2010, doi:10.1177/1545968309356091).",
            lambda record: mean(over_reaches(
                record, lambda reach: kinematics.path_length_ratio(reach.hand, reach.target, NEAR)))),
-    Metric("initial_direction_error_until_2cm", "Initial direction error until 2 cm from the target", "deg", _REACH,
+    Metric("initial_direction_error_until_2cm", "Initial direction error on the way", "deg", _REACH,
            "lower",
            f"Angle between the directions from the start to the target and to the hand at peak speed, {_UNTIL} "
            "(Krakauer et al. 2000, doi:10.1523/JNEUROSCI.20-23-08916.2000).",
            lambda record: mean(over_reaches(
                record, lambda reach: kinematics.initial_direction_error(reach.hand, reach.target, NEAR)),
                np.degrees(1.0))),
-    Metric("initial_direction_until_2cm", "Initial direction until 2 cm from the target, left is positive", "deg",
+    Metric("initial_direction_until_2cm", "Initial direction on the way, left is positive", "deg",
            _REACH, None,
            f"Angle from the direction of the target to that of the hand at peak speed, {_UNTIL}, positive to the left "
            "of the way there in the frame of the arm, in which the non-dominant arm is the dominant one's mirror image "

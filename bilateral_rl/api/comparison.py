@@ -14,7 +14,14 @@ import pandas as pd
 
 from bilateral_rl.analysis import comparison as statistics
 from bilateral_rl.analysis.metric import Metric
-from bilateral_rl.analysis.metrics import find_metric, means_something, measure, preferred_among, preferred_metric
+from bilateral_rl.analysis.metrics import (
+    find_metric,
+    means_something,
+    measure,
+    preferred_among,
+    preferred_by_hand,
+    preferred_metric,
+)
 from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import COLUMNS, State, protocol_words, protocols_in, treatment
 from bilateral_rl.analysis.trials import Evaluator
@@ -125,7 +132,8 @@ def compare(
     Args:
         runs: two or more, or one, loaded or as :func:`load` takes them; or the table that :meth:`Run.lesion` returned.
         metrics: one name or several, such as "effort"; None for the one that the task is judged by, of the field's
-            trials where an experiment mixes trials with and without a field: "final_error_in_null" is of the others.
+            trials where an experiment mixes trials with and without a field: "final_error_in_null" is of the others;
+            between models of two arms also what each hand is judged by: "final_error_of_dominant_hold" is of one.
         retrain: what followed the lesions (of one run), as "everything", one or several; None for all that was tested.
         trials: number of trials of each test (of models).
         seed: seed of the first trial (of models).
@@ -149,7 +157,9 @@ def compare(
         raise UserError(f"Runs of different tasks cannot be compared: {', '.join(sorted(tasks))}.")
     if any(config.experiment != configs[0].experiment for config in configs):
         raise UserError(f"Runs of {configs[0].task} cannot be compared where that is not the same experiment in each.")
-    found_metrics = _metrics(names("--metric", metrics), configs[0].make_task(), configs[0].trial.threshold)
+    learned, radius = configs[0].make_task(), configs[0].trial.threshold
+    usual = [preferred_metric(learned, radius), *(preferred_by_hand(learned, radius) if len(chosen) > 1 else [])]
+    found_metrics = _metrics(names("--metric", metrics) or usual, learned)
     protocols = names("--retrain", retrain)
     if len(chosen) == 1:
         folder = LesionFolder(chosen[0].lesions_folder)
@@ -160,8 +170,8 @@ def compare(
     return _compare_models(chosen, configs, found_metrics, trials, seed)
 
 
-def _metrics(requested: Sequence[str] | None, task: Task, radius: float) -> list[Metric]:
-    metrics = [find_metric(name) for name in requested or [preferred_metric(task, radius)]]
+def _metrics(requested: Sequence[str], task: Task) -> list[Metric]:
+    metrics = [find_metric(name) for name in requested]
     for metric in metrics:
         if not means_something(metric, task):
             raise UserError(f"{metric.name} means nothing in {task.id}; leave it out of --metric.")

@@ -49,7 +49,7 @@ def measured(targets: Targets, network: int, config: BPTTConfig) -> list[float]:
         return targets.measures(network, threshold, rows).means() if rows.any() else dict.fromkeys(MEASURES, torch.nan)
 
     of_all = means(torch.ones_like(reaches))
-    if task.has_roles:
+    if len(task.roles) > 1:
         of_all |= {name: value for name, value in means(reaches).items() if name in OF_REACHES}
     values = [of_all[name] for name in MEASURES]
     arm_of = torch.arange(len(reaches), device=reaches.device) % task.n_arms
@@ -84,11 +84,10 @@ def _of_hands(task: Task) -> list[tuple[int, Role, list[str]]]:
     """Return arm and role of each hand of two that there is in ``task``, with the measures that are told of it."""
     if task.n_arms == 1:
         return []
-    only: Role = "reach" if task.judged_by == "goal_completion" else "hold"
-    roles = ROLES if task.has_roles else (only,)
     return [
         (arm, role, [name for name in MEASURES if role == "reach" or name not in OF_REACHES])
-        for arm, role in itertools.product(range(task.n_arms), roles)
+        for arm, role in itertools.product(range(task.n_arms), ROLES)
+        if role in task.roles
     ]
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import pandas as pd
 from rich.console import Console
@@ -12,11 +14,12 @@ from rich.table import Table
 from bilateral_rl.analysis.depth import deep_minus_shallow
 from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
 from bilateral_rl.analysis.formats import decimals_for, fixed, mean_sd, p_value
-from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metric import ROLES, Metric
 from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
 from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
 from bilateral_rl.figures.labels import with_unit
-from bilateral_rl.policies.lesions import INTACT, lesion_words
+from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
+from bilateral_rl.vocabulary import SIDES, Side
 
 _LABEL, _VALUE, _BESIDE = 31, 12, 3
 """Characters of "Goal completion within 5 cm (%)", of "100.0 ± 10.0", and between columns."""
@@ -36,6 +39,8 @@ def print_lesions(results: pd.DataFrame, metrics: Sequence[Metric], console: Con
     n = max(1, (console.width - _LABEL - _BESIDE - 1) // (_VALUE + _BESIDE))
     for start in range(0, len(states), n):
         console.print(_table(results, metrics, lesions, states[start : start + n]))
+        if hands := _by_hand(results, metrics):
+            console.print(_hands_table(results, hands, lesions, states[start : start + n]))
     for line in _words(results, metrics[0], [name for name in lesions if name != INTACT], states):
         indent = len(line) - len(line.lstrip())  # kept where the line goes on
         console.print(Padding(line.lstrip(), (0, 0, 0, indent), expand=False), highlight=False)
@@ -52,10 +57,7 @@ def print_lesions(results: pd.DataFrame, metrics: Sequence[Metric], console: Con
 
 def _table(results: pd.DataFrame, metrics: Sequence[Metric], lesions: Sequence[str], states: Sequence[State]) -> Table:
     """Mean ± standard deviation over the seeds below each metric, a row a lesion, and below it the control's."""
-    table = Table()
-    table.add_column("lesion", width=_LABEL)
-    for state in states:
-        table.add_column(protocol_words(state.protocol), justify="right", width=_VALUE)
+    table = _empty_table(results, states)
     for metric in metrics:
         table.add_section()
         table.add_row(f"[bold]{with_unit(metric)}")
@@ -65,6 +67,61 @@ def _table(results: pd.DataFrame, metrics: Sequence[Metric], lesions: Sequence[s
             if _has_control(results):
                 controls = [state.control for state in of_lesion]
                 table.add_row("  fresh network", *_cells(results, metric, controls), style="dim")
+    return table
+
+
+def _hands_table(
+    results: pd.DataFrame,
+    hands: Mapping[str, Mapping[Side, Metric]],
+    lesions: Sequence[str],
+    states: Sequence[State],
+) -> Table:
+    """The same of each hand of two, by lesion: after a deep one, of the contralesional and the ipsilesional arm."""
+    table = _empty_table(results, states)
+    for words, by_hand in hands.items():
+        table.add_section()
+        table.add_row(f"[bold]{words}")
+        for name in lesions:
+            of_lesion = [state.after(name) for state in states]
+            table.add_row(lesion_words(name), *[""] * len(states))
+            for hand, metric in by_hand.items():
+                table.add_row(f"  {_hand_words(name, hand)}", *_cells(results, metric, of_lesion))
+    if any(_lesioned_side(name) for name in lesions):
+        note = "contralesional: the hand opposite to the hemisphere with the deep lesion"
+        table.caption = "; ".join(filter(None, (str(table.caption or ""), note)))
+    return table
+
+
+def _by_hand(results: pd.DataFrame, metrics: Sequence[Metric]) -> dict[str, dict[Side, Metric]]:
+    """Return the metrics of each hand, by words that say which metric and what the hands do; nothing of one arm."""
+    measured, found = set(results["metric"]), {}
+    for metric, role in itertools.product(metrics, (None, *ROLES)):
+        of_hands = {hand: metric.of(hand, role) for hand in SIDES}
+        if all(of_hand.name in measured for of_hand in of_hands.values()):
+            doing = f", hands that {role}" if role else ""
+            found[with_unit(replace(metric, label=f"{metric.label}{doing}"))] = of_hands
+    return found
+
+
+def _hand_words(lesion: str, hand: Side) -> str:
+    """Say whose hand it is, and on which side of a deep lesion."""
+    words, lesioned = hand.replace("_", "-"), _lesioned_side(lesion)
+    if lesioned is None:
+        return f"{words} hand"
+    return f"{'contralesional' if hand == lesioned else 'ipsilesional'} ({words})"
+
+
+def _lesioned_side(lesion: str) -> Side | None:
+    """Return the hemisphere that a deep lesion silences; it commands the hand of its own name, across the body."""
+    return None if lesion == INTACT else LESIONS[lesion].output_of
+
+
+def _empty_table(results: pd.DataFrame, states: Sequence[State]) -> Table:
+    """A table with a column a state."""
+    table = Table()
+    table.add_column("lesion", width=_LABEL)
+    for state in states:
+        table.add_column(protocol_words(state.protocol), justify="right", width=_VALUE)
     if (seeds := results["seed"].nunique()) > 1:
         table.caption = f"mean ± standard deviation over {seeds} seeds"
     return table

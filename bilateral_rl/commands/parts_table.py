@@ -37,17 +37,21 @@ def parts_table(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) 
     """
     by = [name for name in ("target", "condition", "phase", "hand", "role") if name in parts]
     columns = _PHASE if "phase" in by else _chosen(parts, metrics, judged_by)
-    table = Table(", ".join(by))
-    table.columns[0].overflow = "fold"
+    of_hands = "hand" in by or "role" in by
+    table = Table()
+    for label in by:
+        table.add_column(label, overflow="fold", no_wrap=of_hands)
     for words in ("trials", *columns.values()):
         table.add_column(words, justify="right", overflow="fold")
     for _, rows in parts.groupby(by, sort=False):
         first = rows.iloc[0]
-        name = ", ".join(str(first[label]).replace("_", "-") if label == "hand" else str(first[label]) for label in by)
+        names = [str(first[label]) for label in by]
         if "target" in by:
-            name = f"{name} ({first['target_angle_deg']:.0f}°)"
+            names = [f"{first['target']} ({first['target_angle_deg']:.0f}°)"]
+        if of_hands:
+            names = [name.replace("_", "-") for name in names]
         cells = (mean_sd(rows[column], 2 if column in _FINE else 1) for column in columns)
-        table.add_row(name, str(first["trials"]), *cells)
+        table.add_row(*names, str(first["trials"]), *cells)
     if (seeds := parts["seed"].nunique()) > 1:
         table.caption = f"mean ± standard deviation over {seeds} seeds"
     return table

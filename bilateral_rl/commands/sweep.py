@@ -13,7 +13,7 @@ from rich.table import Table
 
 from bilateral_rl.analysis.formats import mean_sd
 from bilateral_rl.analysis.metric import Metric
-from bilateral_rl.analysis.metrics import find_metric, preferred_metric
+from bilateral_rl.analysis.metrics import find_metric, preferred_by_hand, preferred_metric
 from bilateral_rl.api.sweeping import RESULTS, nothing_done, run_sweep
 from bilateral_rl.commands.jobs import ending_if_stopped, print_failures, print_unsourced
 from bilateral_rl.config.parse import parse_overrides
@@ -86,5 +86,6 @@ def _preferred(study: Sweep) -> list[Metric]:
     names: dict[str, None] = {}
     for point in study.points():
         config = study.config(point)
-        names[preferred_metric(config.make_task(), config.trial.threshold)] = None
+        task, radius = config.make_task(), config.trial.threshold
+        names |= dict.fromkeys([preferred_metric(task, radius), *preferred_by_hand(task, radius)])
     return [find_metric(name) for name in [*names, "final_error"]]

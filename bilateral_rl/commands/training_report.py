@@ -53,17 +53,15 @@ def _hands_table(records: Mapping[int, TrialRecord], config: TrainConfig) -> Tab
     """What each of two hands does in its role, at the run's own goal: mean ± standard deviation over the seeds."""
     radius = config.trial.threshold
     table = Table("hand", "role", title=f"By hand and role, within {in_centimeters(radius)} cm", title_justify="left")
-    for column in ("goal completion", "speed to goal", "time in goal", "final error"):
+    for column in ("goal completion", "time in goal", "final error"):
         table.add_column(column, justify="right")
     of_seeds = [record.summaries_by_hand(radius) for record in records.values()]
     for hand, role in of_seeds[0]:
         values = [of_seed[hand, role] for of_seed in of_seeds]
-        reaches = role == "reach"
         table.add_row(
             hand.replace("_", "-"),
             role,
-            f"{_spread(values, 'goal_completion_percent', 1)} %" if reaches else "–",
-            _speed_to_goal(values) if reaches else "–",
+            f"{_spread(values, 'goal_completion_percent', 1)} %" if role == "reach" else "–",
             f"{_spread(values, 'time_in_goal_steps', 1)} steps",
             f"{_spread(values, 'final_error_cm', 1)} cm",
         )

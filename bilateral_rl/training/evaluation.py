@@ -65,6 +65,7 @@ class Evaluations:
         measures = record.summary(self._trial.threshold)
         measures["return_scalar"] = (measures["return_dominant"] + measures["return_non_dominant"]) / 2
         self.modulation = side_modulation(policy.motor_network, record)
+        measures |= record.numbers_by_hand(self._trial.threshold)
         measures |= self.modulation.measures() if self.modulation else {}
         self._write(measures, record, logger, step)
         is_best = measures["return_scalar"] > self._best_return

@@ -26,7 +26,7 @@ from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.callbacks import BetweenIterations
 from bilateral_rl.training.fresh_networks import fresh_copy
-from bilateral_rl.training.probe_table import COLUMNS, MEASURES, PROBE, read_probe
+from bilateral_rl.training.probe_table import COLUMNS, MEASURES, OF_HANDS, PROBE, read_probe
 from bilateral_rl.training.schedule import Schedule
 
 FIGURE = "specialization_over_training"
@@ -134,9 +134,15 @@ class LesionProbe(BetweenIterations):
         return records
 
     def _rows(self, records: Mapping[str, TrialRecord], network: str, timesteps: int) -> pd.DataFrame:
-        measures = {state: record.summary(self._threshold) for state, record in records.items()}
-        rows = pd.DataFrame.from_dict(measures, orient="index", columns=list(MEASURES)).rename_axis("lesion")
-        return rows.reset_index().assign(network=network, timesteps=timesteps)[list(COLUMNS)]
+        measures = {state: self._measured(record) for state, record in records.items()}
+        rows = pd.DataFrame.from_dict(measures, orient="index").rename_axis("lesion").reset_index()
+        rows = rows.assign(network=network, timesteps=timesteps)
+        return rows[[*COLUMNS, *(name for name in rows if name not in COLUMNS)]]
+
+    def _measured(self, record: TrialRecord) -> dict[str, float]:
+        """The measures of trials, of two arms also by hand and role."""
+        summary = record.summary(self._threshold)
+        return {name: summary[name] for name in MEASURES} | record.numbers_by_hand(self._threshold)
 
     def _control(self) -> pd.DataFrame:
         """The rows of a fresh network, which takes the place of the policy's for as long as it is tested."""
@@ -147,6 +153,10 @@ class LesionProbe(BetweenIterations):
             return self._rows(self._tested(), FRESH, 0)
         finally:
             network.load_state_dict(present)
+
+    def _measures(self) -> list[str]:
+        """The names of the measures in the table."""
+        return [str(name) for name in self._table if name in MEASURES or name in OF_HANDS]
 
     def _is(self, network: str) -> pd.Series:
         """Which rows of the table are of these networks."""
@@ -178,7 +188,7 @@ class LesionProbe(BetweenIterations):
 
     def _log(self, rows: pd.DataFrame, alone: list[float]) -> None:
         for state in self._states:
-            for name in MEASURES:
+            for name in self._measures():
                 self.logger.record(f"lesions_{name}/{state}", rows.loc[state, name], exclude="stdout")
         index = f"specialization/{self._metric.name}"
         if self._is_at_floor(rows):
@@ -195,7 +205,8 @@ class LesionProbe(BetweenIterations):
 
     def _show_charts(self) -> None:
         """Have tensorboard's custom scalars show the states of each measure in one chart."""
-        charts = {name: ["Multiline", [f"lesions_{name}/{state}$" for state in self._states]] for name in MEASURES}
+        names = self._measures()
+        charts = {name: ["Multiline", [f"lesions_{name}/{state}$" for state in self._states]] for name in names}
         for output in self.logger.output_formats:
             if isinstance(output, TensorBoardOutputFormat) and output.writer is not None:
                 output.writer.add_custom_scalars({"lesions": charts})

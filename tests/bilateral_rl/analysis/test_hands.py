@@ -7,7 +7,7 @@ import pytest
 from plain_trials import a_record, two_hands
 
 from bilateral_rl.analysis.hands import MEASURES, OF_HOLDS, OF_REACHES, hand_means, hand_table
-from bilateral_rl.analysis.metrics import find_metric, means_something, measure, metrics_of
+from bilateral_rl.analysis.metrics import find_metric, means_something, measure, metrics_of, preferred_by_hand
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import SIDES
 
@@ -142,3 +142,13 @@ def test_a_summary_counts_completions_of_the_hands_that_reach():
     assert list(by_hand) == [(hand, role) for hand in SIDES for role in ("reach", "hold")]
     assert by_hand["dominant", "reach"]["goal_completion_percent"] == 100
     assert by_hand["dominant", "hold"] == {"time_in_goal_steps": 10, "final_error_cm": pytest.approx(1.5)}
+
+
+def test_each_hand_is_judged_by_what_its_role_is():
+    assert preferred_by_hand("two_holds", 0.05) == [f"time_in_goal_5cm_of_{hand}" for hand in SIDES]
+    assert preferred_by_hand("reach_and_hold", 0.05) == [
+        f"{name}_5cm_of_{hand}_{role}"
+        for hand in SIDES
+        for name, role in (("goal_completion", "reach"), ("time_in_goal", "hold"))
+    ]
+    assert preferred_by_hand("random_reach", 0.05) == []

@@ -1,0 +1,99 @@
+"""Commands on a run of two arms: what they print and write by hand and role."""
+
+import json
+import re
+import shutil
+
+import pandas as pd
+import pytest
+from rl_runs import curves, small_rl
+
+from bilateral_rl.io.errors import UserError
+from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.training.probe_table import PROBE, read_probe
+from bilateral_rl.training.run import train
+from bilateral_rl.vocabulary import SIDES
+
+HANDS = [(hand, role) for hand in SIDES for role in ("reach", "hold")]
+OF_HANDS = [
+    *(f"{name}_of_{hand}_reach" for hand in SIDES for name in ("goal_completion_percent", "final_error_cm")),
+    *(f"{name}_of_{hand}_hold" for hand in SIDES for name in ("time_in_goal_steps", "final_error_cm")),
+]
+
+
+@pytest.fixture(scope="module")
+def _trained(tmp_path_factory):
+    config = small_rl("ppo", "reach_and_hold", timesteps=800, evaluation={"lesion_probe_every": 800})
+    return train(config, tmp_path_factory.mktemp("two_arms") / "runs").folder
+
+
+@pytest.fixture
+def run(_trained, tmp_path):
+    """A finished run of a cc_s that has hardly learned anything, at runs/reach_and_hold/cc_s-ppo-1."""
+    path = tmp_path / "runs" / "reach_and_hold" / _trained.path.name
+    shutil.copytree(_trained.path, path)
+    return RunFolder(path)
+
+
+def rows(out):
+    """The cells of all tables, without their heads."""
+    return [[cell.strip() for cell in line[1:-1].split("│")] for line in out.splitlines() if line.startswith("│")]
+
+
+def test_evaluate_says_and_writes_what_each_hand_did(invoke, run, tmp_path):
+    by_trial, measures = tmp_path / "trials.csv", tmp_path / "measures.json"
+    _, out = invoke("evaluate", run.path, "--trials", 8, "--csv", by_trial, "--json", measures)
+    of_hands = [row for row in rows(out) if len(row) == 5 and row[1] in ("reach", "hold")]
+    assert [tuple(row[:2]) for row in of_hands] == [(hand.replace("_", "-"), role) for hand, role in HANDS]
+    assert [row[2] == "–" for row in of_hands] == [False, True] * 2  # a hold has no goal to complete
+    assert [row[0] for row in rows(out) if row[0] == "0" and row[1] == "dominant"] == ["0"]  # what each side supplies
+    table = pd.read_csv(by_trial)
+    assert len(table) == 16
+    assert set(table.groupby("trial")["role"].agg(tuple)) == {("hold", "reach"), ("reach", "hold")}
+    assert (table["start_x_m"].where(table["hand"] == SIDES[0], -table["start_x_m"]) > 0.05).all()
+    written = json.loads(measures.read_text())["by_hand"]
+    assert {(row["hand"], row["role"]) for row in written} == {*HANDS}
+    assert {row["threshold_m"] for row in written} == {0.02, 0.03, 0.05}
+
+
+def test_trials_are_taken_apart_by_hand_and_role(invoke, run, tmp_path):
+    path = tmp_path / "parts.csv"
+    _, out = invoke("evaluate", run.path, "--trials", 8, "--by", "hand,role", "--csv", path)
+    parts = pd.read_csv(path)
+    assert list(zip(parts["hand"], parts["role"], strict=True)) == HANDS
+    assert (parts["trials"] == 4).all()
+    assert parts["perpendicular_deviation_until_2cm"].isna().tolist() == [False, True] * 2
+    assert parts["hold_drift"].isna().tolist() == [True, False] * 2
+    assert re.search(r"non-dominant │ hold  │ +4 │", out)
+    with pytest.raises(UserError, match="must be even, got 7"):
+        invoke("evaluate", run.path, "--trials", 7)
+
+
+def test_another_task_of_two_arms_is_tested_with_a_lesion(invoke, run):
+    _, out = invoke("evaluate", run.path, "--trials", 8, "--task", "two_holds", "--set", "trial.max_load=5",
+                    "--lesion", "deep_dominant", "--by", "role")  # fmt: skip
+    assert "two_holds" in out
+    assert [row[0] for row in rows(out) if row[1] == "16"] == ["hold"]
+
+
+def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run):
+    _, out = invoke("lesion", run.path, "--trials", 8, "--no-retrain", "--no-control", "--lesion", "deep_non_dominant")
+    names = [row[0] for row in rows(out) if len(row) == 2]
+    begin = names.index("Final error, hands that hold")
+    assert names[begin + 2 : begin + 8] == [
+        "intact", "dominant hand", "non-dominant hand",
+        "deep non-dominant", "ipsilesional (dominant)", "contralesional (non-dominant)",
+    ]  # fmt: skip
+    _, out = invoke("compare", run.path, "--metric", "final_error_of_non_dominant_hold")
+    assert "Final error, non-dominant hand that holds (cm)" in out
+
+
+def test_evaluations_and_probes_are_logged_by_hand_and_role(run):
+    logged, evaluations = curves(run), pd.read_csv(run.path / "evaluations.csv")
+    table = read_probe(run.path / PROBE)
+    for name in OF_HANDS:
+        shown = [value for _, value in logged[f"evaluation/{name}"]]
+        assert shown == pytest.approx(evaluations[name].tolist(), rel=1e-4)
+        assert [value for _, value in logged[f"lesions_{name}/deep_dominant"]] == pytest.approx(
+            table[(table["lesion"] == "deep_dominant") & (table["network"] == "trained")][name].tolist(), rel=1e-4
+        )
