@@ -1,6 +1,7 @@
 """Milliseconds of a BPTT update, 64 trials of 50 steps, stacked and alone, and against MotorNet's PyTorch arm.
 
-Random reaches, and reaches around a center in a curl field, which MotorNet takes as a load computed anew every step.
+Random reaches, and reaches around a center in a curl field, which MotorNet takes as a load computed anew every step;
+and reaches of one hand while the other holds, tied to it by a spring, against as many trials of one arm.
 """
 
 from __future__ import annotations
@@ -26,21 +27,28 @@ from bilateral_rl.envs.kinematics import inverse_kinematics
 from bilateral_rl.runs.policies import build_network
 
 TRIALS, STEPS = 64, 50
-PLAIN, FIELD = "random_reach", "curl_field"
+PLAIN, FIELD, PAIR = "random_reach", "curl_field", "reach_and_hold"
 CASES = [
     *(
-        (model, seeds, PLAIN)
+        (model, seeds, PLAIN, 10)
         for model, seeds in (("cc_s", 10), ("cc_ns", 10), ("cc_s", 1), ("cc_ns", 1), ("uni_dl", 10))
     ),
-    *((model, seeds, FIELD) for model, seeds in (("cc_s", 10), ("cc_ns", 1))),
+    *((model, seeds, FIELD, 10) for model, seeds in (("cc_s", 10), ("cc_ns", 1))),
+    *(("cc_s", 10, *case) for case in ((PAIR, 10), (PLAIN, 20), (PAIR, 20))),
 ]
 CURL = 15.0
 """Of the field (N·s/m), as in the paradigm."""
 
 
-def ours(model: str, seeds: int, task: str) -> Callable[[], float]:
+def name_of(model: str, seeds: int, task: str, units: int) -> str:
+    """What is printed of a case."""
+    return f"{model}, {task}, {units} units, {seeds} seed(s)"
+
+
+def ours(model: str, seeds: int, task: str, units: int) -> Callable[[], float]:
     """A function that runs an epoch, validation included, and gives the milliseconds of an update of one seed."""
-    config = resolve("bptt", task, [{"seeds": seeds, "trial": {"trial_length": STEPS}}], model=model)
+    values = {"seeds": seeds, "trial": {"trial_length": STEPS}, "network": {"units": units}}
+    config = resolve("bptt", task, [values], model=model)
     assert isinstance(config, BPTTConfig)
     networks = [build_network(config) for _ in range(seeds)]
     layout = Layout(networks[0])
@@ -118,7 +126,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--rounds", type=int, default=5)
     arguments = parser.parse_args()
-    measures = {f"{model}, {task}, {seeds} seed(s)": ours(model, seeds, task) for model, seeds, task in CASES}
+    measures = {name_of(*case): ours(*case) for case in CASES}
     baselines: dict[str, list[str]] = {PLAIN: [], FIELD: []}
     for task, names in baselines.items():
         for threads in sorted({1, os.cpu_count() or 1}):
@@ -134,7 +142,11 @@ if __name__ == "__main__":
         print(f"{name}: {statistics.median(values):.2f} ms an update and seed ({min(values):.2f} to {max(values):.2f})")
     for task, names in baselines.items():
         fastest = min(names, key=lambda name: statistics.median(times[name]))
-        ratios = [a / b for a, b in zip(times[fastest], times[f"cc_ns, {task}, 1 seed(s)"], strict=True)]
+        ratios = [a / b for a, b in zip(times[fastest], times[name_of("cc_ns", 1, task, 10)], strict=True)]
         print(
             f"MotorNet's arm over ours, cc_ns, {task}, 1 seed: {statistics.median(ratios):.0f} times (its faster way)"
         )
+    for units in (10, 20):
+        two, one = (times[name_of("cc_s", 10, task, units)] for task in (PAIR, PLAIN))
+        ratios = [a / b for a, b in zip(two, one, strict=True)]
+        print(f"two arms with a spring over one, cc_s, {units} units, 10 seeds: {statistics.median(ratios):.2f} times")
