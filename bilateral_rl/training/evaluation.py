@@ -62,7 +62,7 @@ class Evaluations:
     def run(self, policy: MotorPolicy, logger: Logger, step: int) -> tuple[dict[str, float], bool]:
         """Evaluate ``policy`` after ``step`` environment steps: its measures, and whether it is the best so far."""
         record = self._evaluator.run(policy)
-        measures = record.summary(self._trial.threshold)
+        measures = record.summary(self._trial.threshold) | _of_hands(record, self._trial.threshold)
         measures["return_scalar"] = (measures["return_dominant"] + measures["return_non_dominant"]) / 2
         self.modulation = side_modulation(policy.motor_network, record)
         measures |= record.numbers_by_hand(self._trial.threshold)
@@ -83,6 +83,14 @@ class Evaluations:
         logger.dump(step)
         row = ",".join([str(step), *(f"{value:.6g}" for value in measures.values())]) + "\n"
         self.log.append(row, ",".join(["timesteps", *measures]) + "\n")
+
+
+def _of_hands(record: TrialRecord, radius: float) -> dict[str, float]:
+    """Return what each of two hands does in its role, named as in the history of BPTT; nothing of one arm."""
+    if record.n_arms == 1:
+        return {}
+    by_hand = record.summaries_by_hand(radius).items()
+    return {f"{name}_of_{hand}_{role}": value for (hand, role), means in by_hand for name, value in means.items()}
 
 
 def _tag(name: str) -> str:

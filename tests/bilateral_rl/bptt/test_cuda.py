@@ -34,7 +34,7 @@ def test_a_gpu_trains_the_same_networks_as_the_cpu(tmp_path, model, profile):
             torch.testing.assert_close(states[1][seed][name], value, rtol=1e-3, atol=1e-4)
 
 
-@pytest.mark.parametrize("task", ["curl_field", "force_pulse", "target_jump"])
+@pytest.mark.parametrize("task", ["curl_field", "force_pulse", "target_jump", "bimanual_curl_field"])
 def test_a_gpu_trains_on_forces_timelines_noise_delays_and_further_losses_as_the_cpu_does(tmp_path, task):
     on_cpu, on_cuda = (network_states(trained(tmp_path, device, task, **RICH)) for device in ("cpu", "cuda"))
     for seed in on_cpu:

@@ -80,6 +80,15 @@ def test_evaluations_say_what_each_side_supplies_to_each_arm(trained, algo):
     assert logged == ({*weights} if algo == "ppo" else set()), "what is fixed is no news"
 
 
+def test_evaluations_tell_of_each_hand_by_its_role(trained):
+    folder = trained["ppo"].folder
+    row, shown = evaluations(folder)[-1], curves(folder)
+    errors = [float(row[f"final_error_cm_of_{hand}_reach"]) for hand in ("dominant", "non_dominant")]
+    assert sum(errors) / 2 == pytest.approx(float(row["final_error_cm"]), rel=1e-4)
+    assert errors[0] != errors[1]
+    assert shown["evaluation/final_error_cm_of_dominant_reach"][-1][1] == pytest.approx(errors[0], rel=1e-4)
+
+
 def test_a_training_begins_with_a_network_of_as_many_arms_and_the_same_share(trained):
     folder = trained["a2c"].folder
     begun = initial_states(with_values(small_pair("td3"), init_from=str(folder.path)))
