@@ -258,6 +258,7 @@ def unfit(module: nn.Module, tensors: Mapping[str, Tensor]) -> list[str]:
 
 def _check_fit(module: nn.Module, tensors: Mapping[str, Tensor], folder: RunFolder) -> None:
     if wrong := unfit(module, tensors):
+        folder.config().make_task()  # asks for the name of a class, which may be for two arms
         raise UserError(f"The weights of {folder.path} do not fit its configuration, first at {wrong[0]}.")
 
 

@@ -16,6 +16,7 @@ from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.runs.policies import build_policy, load_policy
 from bilateral_rl.vocabulary import SIDES
 
 MINE = """\
@@ -27,6 +28,7 @@ trial: {trial_length: 33, threshold: 0.03, losses: {dominant: {hand_speed: 0.5}}
 CLASS = """\
 import numpy as np
 from bilateral_rl.envs import Task, Trials
+from bilateral_rl.envs.task import Spring
 class Reach(Task):
     id = "short_reach"
     n_uniform = 2
@@ -36,6 +38,12 @@ class Reach(Task):
     def trials(self, uniform, settings):
         start = np.tile(np.float32([[0.8, 1.5]]), (len(uniform), 1))
         return Trials(start, start + np.float32(0.2 * uniform), np.zeros_like(start))
+class Both(Reach):
+    n_arms = 2
+    def trials(self, uniform, settings):
+        start = np.tile(np.float32([[0.8, 1.5]]), (len(uniform), 2, 1))
+        nothing = np.zeros(len(uniform))
+        return Trials(start, start, np.zeros_like(start), spring=Spring(nothing, nothing))
 class NoTask: pass
 class Broken(Reach):
     def __init__(self): raise RuntimeError("no")
@@ -205,6 +213,23 @@ def test_a_class_brings_its_settings_and_the_defaults_of_its_kind(named):
     assert (config.trial.trial_length, config.trial.threshold) == (12, 0.04)
     assert config.ppo == resolve("ppo", "hold_position").ppo
     assert resolve(None, None, [config.to_values()]) == config
+
+
+def test_a_class_may_be_for_two_arms_which_is_known_where_it_is_named(named, tmp_path):
+    both = named.replace("Reach", "Both")
+    with pytest.raises(UserError, match=f"The task is a class, {both}"):
+        resolve("ppo", both, [{"network": {"ipsilateral_share": 0.3}}])
+    allow_code([both])
+    config = resolve("ppo", both, [{"network": {"ipsilateral_share": 0.3}}])
+    assert (config.n_arms, config.n_muscles, config.network.units) == (2, 12, 20)
+    assert config.ppo == resolve("ppo", "two_holds").ppo
+    folder = RunFolder.create(tmp_path, config)
+    folder.save_weights("final", dict(build_policy(config).state_dict()))
+    assert load_policy(folder).motor_network.ipsilateral_share == 0.3
+    folder.write_config(dataclasses.replace(config, network=resolve("ppo", "two_holds").network))
+    code_tasks._NAMED.clear()
+    with pytest.raises(UserError, match=f"say so by --task {both}"):
+        load_policy(folder)
 
 
 @pytest.mark.parametrize(
