@@ -32,7 +32,8 @@ def test_the_wheel_holds_every_source_file_and_the_data(tmp_path):
     own = python_files(ROOT / "bilateral_rl")
     expected |= {f"bilateral_rl/{name}" for name in own if not name.startswith(("envs/", "policies/"))}
     data = {"config/defaults.yaml", "py.typed", "study/report.html.jinja"}
-    data |= {f"readings/{path.name}" for path in (ROOT / "bilateral_rl" / "readings").iterdir()}
+    package = ROOT / "bilateral_rl"
+    data |= {path.relative_to(package).as_posix() for path in (package / "readings").rglob("*.*")}
     data |= {
         f"envs/experiments/paradigms/{path.name}" for path in (ROOT / "envs" / "experiments" / "paradigms").iterdir()
     }
