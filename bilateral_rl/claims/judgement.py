@@ -15,7 +15,7 @@ class Judgement:
     reading: str
     """Name of the reading."""
     claims: Sequence[Claim]
-    """C1 to C14, in this order."""
+    """C1 to C14, or B1 to B6 of two arms, in this order."""
     anchor: str | None = None
     """Name of the reading from which it deviates, by one choice; None if it is an anchor itself."""
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -24,3 +24,5 @@ class Judgement:
     """Why anyone would read the paper so."""
     source: str = ""
     """What that rests on."""
+    note: str = ""
+    """What must be known of all its numbers; "" if nothing."""

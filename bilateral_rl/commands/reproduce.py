@@ -70,7 +70,8 @@ def reproduce(
     if quick:
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
     for judgement in made.judgements[:_SHOWN]:
-        console.print(f"{judgement.reading}: {counts_of(judgement.claims)}", highlight=False)
+        note = f" [yellow]Note:[/yellow] {judgement.note}." if judgement.note else ""
+        console.print(f"{judgement.reading}: {counts_of(judgement.claims)}{note}", highlight=False)
     if made.unjudged:
         console.print(f"[yellow]Note:[/yellow] {made.unjudged}", highlight=False)
     console.print(f"{(time.monotonic() - began) / 60:.1f} minutes.", highlight=False)

@@ -108,7 +108,13 @@ def _values(findings: Findings) -> dict[str, Any]:
 
 def _detail(judgement: Judgement) -> dict[str, Any]:
     claims = judgement.claims
-    return {"name": judgement.reading, "why": judgement.why, "counts": counts_of(claims), "claims": claims}
+    return {
+        "name": judgement.reading,
+        "why": judgement.why,
+        "counts": counts_of(claims),
+        "claims": claims,
+        "note": judgement.note,
+    }
 
 
 def _subtitle(findings: Findings) -> str:

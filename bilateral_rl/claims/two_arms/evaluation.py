@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-
-import pandas as pd
 
 from bilateral_rl.claims.claim import Aside, Claim, Component
 from bilateral_rl.claims.two_arms import hands, lesioned
-from bilateral_rl.claims.two_arms.criteria import HandCriteria
 from bilateral_rl.claims.two_arms.evidence import HandEvidence
 
 
@@ -71,16 +68,10 @@ CLAIMS: dict[str, OnHands] = {
 """The claims on two arms by number."""
 
 
-def evaluate_hand_claims(results: Mapping[float, pd.DataFrame], criteria: HandCriteria) -> list[Claim]:
-    """Evaluate every claim.
-
-    Args:
-        results: long tables (:mod:`bilateral_rl.analysis.results`) of one algorithm, by the stiffness of the spring in
-            the tests (N/m); what is missing leaves the components that need it undecided.
-        criteria: what they are judged by.
+def evaluate_hand_claims(evidence: HandEvidence) -> list[Claim]:
+    """Evaluate every claim; what is missing leaves the components that need it undecided.
 
     Raises:
-        UserError: results of several algorithms, or several values of one seed.
+        UserError: several values of one seed.
     """
-    evidence = HandEvidence(results, criteria)
     return [claim.evaluate(number, evidence) for number, claim in CLAIMS.items()]

@@ -78,7 +78,7 @@ def holds_judged_otherwise(evidence: HandEvidence) -> list[Aside]:
         if name != evidence.criteria.steadiness
     ]
     closer = Aside(
-        "global advantage instead, of the hand whose reaches end closer",
+        "of where reaches end, which would be a global advantage",
         tuple(_better(evidence, "reach", "final_error", "non_dominant")),
     )
     return [*asides, closer, _in_control(evidence, "two_holds", steadier_holds)]

@@ -9,7 +9,8 @@ import pandas as pd
 from bilateral_rl.claims import Judgement
 from bilateral_rl.claims.two_arms.criteria import HandCriteria
 from bilateral_rl.claims.two_arms.evaluation import evaluate_hand_claims
-from bilateral_rl.claims.two_arms.evidence import TASK
+from bilateral_rl.claims.two_arms.evidence import TASK, HandEvidence
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.study.outcome import StudyResults
 from bilateral_rl.study.trainings import Table
 from bilateral_rl.study.two_arms.readings import HandReading
@@ -27,8 +28,9 @@ def judge_hands(reading: HandReading, tables: Iterable[Table], read: StudyResult
         UserError: damaged or stale results.
     """
     there = list(tables)
-    claims = evaluate_hand_claims(results_by_spring(there, read), criteria_of(reading, there))
-    return Judgement(reading.name, claims, reading.anchor, reading.choices, reading.why, reading.source)
+    evidence = HandEvidence(results_by_spring(there, read), criteria_of(reading, there))
+    claims, note = evaluate_hand_claims(evidence), evidence.left_out(list(MODELS))
+    return Judgement(reading.name, claims, reading.anchor, reading.choices, reading.why, reading.source, note)
 
 
 def results_by_spring(tables: Sequence[Table], read: StudyResults) -> dict[float, pd.DataFrame]:

@@ -42,7 +42,7 @@ def judged(*numbers, criteria=DEFAULT, beside=False, **changes):
 
 @pytest.fixture(scope="module")
 def as_claimed():
-    return {claim.number: claim for claim in evaluate_hand_claims(World().results(), DEFAULT)}
+    return {claim.number: claim for claim in evaluate_hand_claims(HandEvidence(World().results(), DEFAULT))}
 
 
 def test_a_world_as_claimed_supports_every_claim(as_claimed):

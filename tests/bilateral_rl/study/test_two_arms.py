@@ -141,6 +141,7 @@ def test_claims_are_judged_by_every_reading(concluded):
     folder, judgements = concluded
     assert [judgement.reading for judgement in judgements] == ["default"]
     for judgement in judgements:
+        assert judgement.note == "never learned and left out, by seed: cc_s 4"
         assert {claim.number: claim.verdict for claim in judgement.claims} == dict.fromkeys(
             ["B1", "B2", "B3", "B4", "B5", "B6"], "supported"
         )
