@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,57 +69,48 @@ def inverse_kinematics(
     positions = np.asarray(hand, dtype=np.float64)
     if positions.shape[-1:] != (2,) or not np.isfinite(positions).all():
         raise ValueError("hand must be positions (…, 2) of finite numbers (m).")
-    solved = _solved(positions, arm, 1.0 if elbow == "positive" else -1.0)
-    nearest, farthest = _reach(arm)
+    upper, fore = arm.link_length
+    distance = np.hypot(positions[..., 0], positions[..., 1])
+    nearest, farthest = abs(upper - fore), upper + fore
     _refuse(
         positions,
-        solved.out_of_reach,
+        (distance < nearest - _ROUNDING) | (distance > farthest + _ROUNDING),
         f"is out of the arm's reach, which is from {nearest:.4g} to {farthest:.4g} m of the shoulder",
     )
-    lower, higher = np.array(arm.joint_lower_limit), np.array(arm.joint_upper_limit)
-    limits = f"{np.round(lower, 3).tolist()} to {np.round(higher, 3).tolist()} rad"
-    _refuse(
-        positions,
-        solved.out_of_range,
-        f"cannot be taken by this arm with a {elbow} elbow: its joints go from {limits}",
-    )
-    return np.asarray(np.clip(solved.postures, lower, higher))
-
-
-def is_in_workspace(hand: NDArray[np.float64], arm: ArmParameters) -> NDArray[np.bool_]:
-    """Return whether the arm can take positions (…, 2) (m) with a positive elbow, (…)."""
-    solved = _solved(hand, arm, 1.0)
-    return ~(solved.out_of_reach | solved.out_of_range)
-
-
-class _Solved(NamedTuple):
-    """Postures (…, 2) (rad), and for which positions (…) there is none: of any arm of these links, or of this one."""
-
-    postures: NDArray[np.float64]
-    out_of_reach: NDArray[np.bool_]
-    out_of_range: NDArray[np.bool_]
-
-
-def _solved(positions: NDArray[np.float64], arm: ArmParameters, sign: float) -> _Solved:
-    distance = np.hypot(positions[..., 0], positions[..., 1])
-    nearest, farthest = _reach(arm)
-    postures = _postures(positions, distance, *arm.link_length, sign)
+    postures = _postures(positions, distance, upper, fore, 1.0 if elbow == "positive" else -1.0)
     lower, higher = np.array(arm.joint_lower_limit), np.array(arm.joint_upper_limit)
     # Full turns of the shoulder lead to the same hand, and the range may begin anywhere.
     turns = np.ceil((lower[0] - _ROUNDING - postures[..., 0]) / (2 * np.pi))
     postures[..., 0] += 2 * np.pi * turns
     outside = (postures < lower - _ROUNDING) | (postures > higher + _ROUNDING)
-    return _Solved(
-        postures,
-        out_of_reach=np.asarray((distance < nearest - _ROUNDING) | (distance > farthest + _ROUNDING)),
-        out_of_range=np.asarray(outside.any(axis=-1)),
+    limits = f"{np.round(lower, 3).tolist()} to {np.round(higher, 3).tolist()} rad"
+    _refuse(
+        positions,
+        outside.any(axis=-1),
+        f"cannot be taken by this arm with a {elbow} elbow: its joints go from {limits}",
     )
+    return np.asarray(np.clip(postures, lower, higher))
 
 
-def _reach(arm: ArmParameters) -> tuple[float, float]:
-    """Return the least and the greatest distance of the hand from the shoulder that the links allow (m)."""
-    upper, fore = arm.link_length
-    return abs(upper - fore), upper + fore
+def is_in_workspace(hand: NDArray[np.float64], arm: ArmParameters) -> NDArray[np.bool_]:
+    """Return (…), whether the arm can take positions (…, 2) (m) with a positive elbow; the very rim is left out.
+
+    It takes no trigonometric function of them, as it is asked of 72 a trial: the law of cosines has the elbow's angle,
+    and cross products say on which side of the shoulder's limits the upper arm lies.
+    """
+    (upper, fore), x, y = arm.link_length, hand[..., 0], hand[..., 1]
+    (first, least), (last, most) = arm.joint_lower_limit, arm.joint_upper_limit
+    cosine = (x * x + y * y - (upper * upper + fore * fore)) / (2 * upper * fore)
+    if most <= 0 or least >= np.pi:
+        return np.zeros(cosine.shape, dtype=np.bool_)
+    bends = (cosine < np.cos(max(least, 0.0)) - _ROUNDING) & (cosine > np.cos(min(most, np.pi)) + _ROUNDING)
+    along, across = upper + fore * cosine, fore * np.sqrt(np.maximum(1 - cosine * cosine, 0.0))
+    upper_x, upper_y = x * along + y * across, y * along - x * across
+    after = np.cos(first) * upper_y - np.sin(first) * upper_x > _ROUNDING
+    before = np.sin(last) * upper_x - np.cos(last) * upper_y > _ROUNDING
+    if last - first >= 2 * np.pi:
+        return np.asarray(bends)
+    return np.asarray(bends & ((after & before) if last - first <= np.pi else (after | before)))
 
 
 def _postures(
@@ -137,6 +128,6 @@ def _postures(
     return np.stack([toward - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow)), elbow], axis=-1)
 
 
-def _refuse(positions: NDArray[np.float64], wrong: NDArray[np.bool_], why: str) -> None:
+def _refuse(positions: NDArray[np.float64], wrong: np.bool_ | NDArray[np.bool_], why: str) -> None:
     if wrong.any():
         raise UnreachableError(positions[wrong][0], why)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bilateral_rl.envs import ArmParameters, hand_position, inverse_kinematics
+from bilateral_rl.envs.kinematics import UnreachableError, is_in_workspace
 
 WIDE = ArmParameters(joint_lower_limit=(-math.pi, -math.pi), joint_upper_limit=(math.pi, math.pi))
 """An arm whose joints take every posture."""
@@ -57,6 +58,32 @@ def test_a_stretched_arm_and_joints_at_their_limits_are_reached():
 def test_a_full_turn_of_the_shoulder_brings_it_into_its_range():
     arm = ArmParameters(joint_lower_limit=(4.0, 0.0), joint_upper_limit=(6.0, 2.0))
     np.testing.assert_allclose(inverse_kinematics(hand_position([5.0, 1.0], arm), arm), [5.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [
+        ((0.0, 0.0), (2.356, 2.705)),
+        ((4.0, 0.3), (6.0, 2.0)),
+        ((-2.0, -1.0), (2.5, 4.0)),
+        ((-4.0, 0.5), (4.0, 1.0)),
+        ((0.0, -2.0), (1.0, -0.1)),
+    ],
+)
+def test_the_workspace_is_where_there_is_a_posture(lower, upper):
+    arm = ArmParameters(joint_lower_limit=lower, joint_upper_limit=upper)
+    positions = np.random.default_rng(0).uniform(-0.7, 0.7, (500, 2))
+
+    def taken(position):
+        try:
+            inverse_kinematics(position, arm)
+        except UnreachableError:
+            return False
+        return True
+
+    expected = [taken(position) for position in positions]
+    np.testing.assert_array_equal(is_in_workspace(positions, arm), expected)
+    assert any(expected) == (upper[1] > 0)
 
 
 @pytest.mark.parametrize(
