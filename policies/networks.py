@@ -91,9 +91,11 @@ class BilateralNetwork(MotorNetwork):
 
     def forward(self, observation: Tensor, noise: Tensor | None = None) -> Tensor:
         """Map observations (…, n_inputs) to muscle commands before the sigmoid (…, n_outputs)."""
-        activity = self.hemispheres(observation, noise)
-        outputs = [layer(self._combined(arm, activity)) for arm, layer in enumerate(self.output_layers)]
-        return outputs[0] if self.n_arms == 1 else torch.cat(outputs, dim=-1)
+        d, n = self.hemispheres(observation, noise)
+        if self.n_arms == 1:
+            output: Tensor = self.output(self._combined(0, d, n))
+            return output
+        return torch.cat([layer(self._combined(arm, d, n)) for arm, layer in enumerate(self.output_layers)], dim=-1)
 
     def contributions(self, observation: Tensor, noise: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Return what each side adds to the muscle commands before the sigmoid (…, n_outputs), with the present lesion.
@@ -158,20 +160,21 @@ class BilateralNetwork(MotorNetwork):
 
     def _weight(self, side: Side, arm: int) -> Tensor:
         """Return the weight () of a side in the combination of an arm."""
-        weight: Tensor = getattr(self, f"combination_{side}")
+        weight = self.combination_dominant if side == "dominant" else self.combination_non_dominant
         return weight if self.n_arms == 1 else weight[arm]
 
     def _sends(self, side: Side, arm: int) -> bool:
         """Whether a side has a path to an arm, and no lesion that cuts it."""
         return self.lesion.output_of != side and (arm, side) in self._paths.values()
 
-    def _combined(self, arm: int, activity: tuple[Tensor, Tensor]) -> Tensor:
+    def _combined(self, arm: int, dominant: Tensor, non_dominant: Tensor) -> Tensor:
         """Return what enters an arm's output layer (…, U/2), from the last hidden layers."""
         # A side with a deep lesion is left out of the sum, but has sent its activity over the callosum.
-        combined = torch.zeros_like(activity[0])
-        for side, h in zip(SIDES, activity, strict=True):
-            if self._sends(side, arm):
-                combined = combined + self._weight(side, arm) * h
+        combined = torch.zeros_like(dominant)
+        if self._sends("dominant", arm):
+            combined = combined + self._weight("dominant", arm) * dominant
+        if self._sends("non_dominant", arm):
+            combined = combined + self._weight("non_dominant", arm) * non_dominant
         return combined
 
     def _contribution(self, side: Side, h: Tensor) -> Tensor:
