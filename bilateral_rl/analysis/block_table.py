@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import pandas as pd
 
+from bilateral_rl.analysis.metric import OF
 from bilateral_rl.envs.experiments.assignment import Condition
 from bilateral_rl.envs.experiments.experiment import Experiment
-from bilateral_rl.io.csv_tables import read_table
+from bilateral_rl.io.csv_tables import column_names, read_table
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.vocabulary import SIDES, Side
 
 BLOCKS = "blocks.csv"
 """File in a run's folder with a row a seed, block and condition, and a column a measure."""
@@ -23,10 +26,14 @@ MEASURES = (
     "channel_compensation", "channel_peak_force",
 )  # fmt: skip
 """Metrics that are kept (:mod:`bilateral_rl.analysis.metrics`), that of the goal at the run's own radius."""
+OF_HANDS: dict[str, tuple[str, Side]] = {
+    f"{name}{OF}{hand}": (name, hand) for hand, name in itertools.product(SIDES, MEASURES)
+}
+"""The measures of each hand alone, by the columns that tables of two arms have for them."""
 
 _KINDS = {"seed": int, "block": int, "done": int, "condition": str} | dict.fromkeys(MEASURES, float)
 COLUMNS = tuple(_KINDS)
-"""Columns of the table: ``block`` counts from 0, before any learning, and ``done`` in updates or environment steps."""
+"""Columns of every table: ``block`` counts from 0, before any learning, ``done`` in updates or environment steps."""
 
 
 def in_conditions(experiment: Experiment) -> dict[str, Experiment]:
@@ -42,8 +49,9 @@ def read_blocks(path: Path) -> pd.DataFrame:
         FileNotFoundError: it is not there.
         UserError: it is damaged.
     """
-    table = read_table(path, _KINDS)
+    of_hands = [name for name in column_names(path) if name in OF_HANDS]
+    table = read_table(path, _KINDS | dict.fromkeys(of_hands, float))
     at = ["seed", "block", "condition"]
     if set(table["condition"]) - {*BLOCK_CONDITIONS} or table.duplicated(at).any():
         raise UserError(f"{path} is damaged: it must have each condition once in each block of a seed.")
-    return table[list(COLUMNS)].assign(condition=table["condition"].map(BLOCK_CONDITIONS))
+    return table[[*COLUMNS, *of_hands]].assign(condition=table["condition"].map(BLOCK_CONDITIONS))

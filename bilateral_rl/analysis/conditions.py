@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bilateral_rl.config.bounds import check_fit, check_trial
+from bilateral_rl.config.bounds import check_fit, check_roles, check_trial
 from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import flat, merge, plain_values
 from bilateral_rl.config.resolve import from_values
@@ -73,12 +73,23 @@ def conditions(
     of_task = {} if found.task == config.task else {"trial": found.trial}
     over = {**merge(of_task, settings), "task": found.task}
     changed_config = from_values(merge(values, over) | {"experiment": experiment})
+    _check_arms(config, changed_config)
     check_trial(changed_config)
     check_fit(changed_config)
     _refuse_without_effect(config, changed_config, settings)
     changed = dict(_differences(config, changed_config))
     notes = tuple(_notes(config.trial, changed_config.trial))
     return Conditions(changed_config, changed, notes)
+
+
+def _check_arms(config: TrainConfig, changed: TrainConfig) -> None:
+    """Raise a UserError for a task of another number of arms than the run's networks have."""
+    if changed.n_arms != config.n_arms:
+        arms = {1: "one arm", 2: "two arms"}
+        raise UserError(
+            f"This run's networks have learned to move {arms[config.n_arms]}, and {changed.task} is a task of "
+            f"{arms[changed.n_arms]}: test them in another one."
+        )
 
 
 def _differences(config: TrainConfig, changed: TrainConfig) -> Iterator[tuple[str, Any]]:
@@ -91,7 +102,8 @@ def _differences(config: TrainConfig, changed: TrainConfig) -> Iterator[tuple[st
 
 
 def _refuse_without_effect(config: TrainConfig, changed: TrainConfig, settings: Mapping[str, Any]) -> None:
-    """Raise a UserError for settings of loads in a task whose trials stay the same by them."""
+    """Raise a UserError for settings of loads, or of roles, in a task whose trials stay the same by them."""
+    check_roles(settings, changed)
     of_loads = [name for name, _ in flat(settings) if name in _OF_LOADS]
     if not of_loads:
         return

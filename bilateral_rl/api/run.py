@@ -384,7 +384,8 @@ class Run:
             ``goal_completion`` (%) within the run's own threshold, ``final_error``, ``perpendicular_deviation``,
             ``signed_deviation`` and ``deviation_at_peak_speed`` (cm, to the left of the way to the target is positive);
             ``channel_compensation`` (1: the hand presses on the walls with the force that would cancel the field) and
-            ``channel_peak_force`` (N), both NaN but in the channel. ``algo``, ``task`` and ``model`` come first.
+            ``channel_peak_force`` (N), both NaN but in the channel. Of two arms they are of both hands, and of each by
+            itself as ``final_error_of_dominant``. ``algo``, ``task`` and ``model`` come first.
 
         Raises:
             UserError: a run without blocks, or a damaged table.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bilateral_rl.config.code_tasks import is_code
@@ -20,6 +20,7 @@ from bilateral_rl.config.hyperparameters import (
     OffPolicyHyperparameters,
     OnPolicyHyperparameters,
 )
+from bilateral_rl.config.parse import flat
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.envs.two_arms import TwoArmSettings
@@ -33,6 +34,7 @@ SMALLEST, LARGEST = 1e-9, 1e6
 
 _OBSERVED = {1: 16, 2: 40}
 """Numbers in an observation, by the number of arms."""
+_OF_ROLES = ("trial.two_arms.roles", "trial.two_arms.reach")
 _NOISE = 20
 """Normal numbers of a step of an arm, for senses and muscles."""
 _PER_TRIAL = 32
@@ -98,6 +100,13 @@ def check_fit(config: TrainConfig) -> None:
     except UnfitExperimentError as error:
         where = "" if error.field.startswith("trial.") else "experiment."
         raise UserError(f"{where}{error}") from None
+
+
+def check_roles(settings: Mapping[str, Any], config: TrainConfig) -> None:
+    """Raise a UserError for ``settings`` that say who reaches, and how far, in a task whose hands do the same."""
+    given = [name for name, _ in flat(settings) if name.startswith(_OF_ROLES)]
+    if given and config.n_arms == 2 and not config.make_task().has_roles:
+        raise UserError(f"{given[0]} has no effect on {config.task}, where both hands do the same: leave it out.")
 
 
 def _check_tests(config: TrainConfig) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from bilateral_rl.config.bounds import check
+from bilateral_rl.config.bounds import check, check_roles
 from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge, plain_values
 from bilateral_rl.config.schema import CONFIGS, RLConfig, SACConfig, TrainConfig
@@ -61,6 +61,7 @@ def resolve(
 
 def _check_effect(layer: Mapping[str, Any], config: TrainConfig) -> None:
     """Raise a UserError for what ``layer`` sets and another setting leaves without effect."""
+    check_roles(layer, config)
     blocks = layer.get("blocks")
     if isinstance(blocks, Mapping) and blocks.keys() == {"trials"} and not config.blocks.every:
         raise UserError(

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from bilateral_rl.analysis.block_table import BLOCKS, COLUMNS, MEASURES, in_conditions
+from bilateral_rl.analysis.block_table import BLOCKS, COLUMNS, MEASURES, OF_HANDS, in_conditions
 from bilateral_rl.analysis.metrics import find_metric, metric_name
 from bilateral_rl.analysis.trials import Evaluator, NotFiniteError
 from bilateral_rl.config.schema import EvaluationConfig, TrainConfig
@@ -50,7 +50,9 @@ class Blocks:
             name: Evaluator(ExperimentTask(condition), config.trial, chosen.trials, _SEED, config.device)
             for name, condition in in_conditions(experiment).items()
         }
-        self._metrics = [find_metric(metric_name(name, config.trial.threshold)) for name in MEASURES]
+        of_all = {name: find_metric(metric_name(name, config.trial.threshold)) for name in MEASURES}
+        of_hands = OF_HANDS.items() if config.n_arms > 1 else ()
+        self._metrics = of_all | {column: of_all[name].of(hand) for column, (name, hand) in of_hands}
         self._tested, self._last = 0, -1
         self._committed = self._tested, self._last
         self._waiting: list[str] = []
@@ -84,14 +86,15 @@ class Blocks:
             except NotFiniteError:  # which the training itself tells
                 continue
             for name, record in records.items():
-                measures = (f"{metric.value(record):.6g}" for metric in self._metrics)
+                measures = (f"{metric.value(record):.6g}" for metric in self._metrics.values())
                 self._waiting.append(",".join([str(seed), str(self._tested), str(done), name, *measures]) + "\n")
         self._tested, self._last = self._tested + 1, done
 
     def commit(self) -> None:
         """Write what was measured since the last time."""
         if self._waiting:
-            self.log.append("".join(self._waiting), ",".join(COLUMNS) + "\n")
+            header = [*COLUMNS, *(name for name in self._metrics if name not in COLUMNS)]
+            self.log.append("".join(self._waiting), ",".join(header) + "\n")
             self._waiting.clear()
         self._committed = self._tested, self._last
 

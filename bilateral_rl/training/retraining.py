@@ -176,6 +176,11 @@ class Retraining:
 
 def _check(config: TrainConfig, protocol: Protocol) -> None:
     """Raise a UserError for a protocol that networks of such a run cannot follow."""
+    if protocol.retrain == "combination" and config.n_arms > 1 and not config.network.trained_combination:
+        raise UserError(
+            "--retrain combination adapts the weights that mix the sides, which are fixed in these networks: use "
+            "--retrain output."
+        )
     for name, value, default in (
         ("optimizer", protocol.optimizer, "fresh"),
         ("trials", protocol.trials, "new"),

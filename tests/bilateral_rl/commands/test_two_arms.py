@@ -97,3 +97,21 @@ def test_evaluations_and_probes_are_logged_by_hand_and_role(run):
         assert [value for _, value in logged[f"lesions_{name}/deep_dominant"]] == pytest.approx(
             table[(table["lesion"] == "deep_dominant") & (table["network"] == "trained")][name].tolist(), rel=1e-4
         )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("evaluate", "--task", "random_reach"), "learned to move two arms, and random_reach is a task of one arm"),
+        (
+            ("evaluate", "--task", "two_reaches", "--set", "trial.two_arms.roles=dominant_reaches"),
+            r"trial\.two_arms\.roles has no effect on two_reaches, where both hands do the same",
+        ),
+        (("lesion", "--retrain", "combination"), "weights that mix the sides, which are fixed in these networks"),
+        (("compare", "--metric", "final_error_of_dominant_rest"), "Unknown metric 'final_error_of_dominant_rest'"),
+    ],
+)
+def test_what_two_arms_do_not_have_is_refused(invoke, run, arguments, message):
+    command, *options = arguments
+    with pytest.raises(UserError, match=message):
+        invoke(command, run.path, *options)

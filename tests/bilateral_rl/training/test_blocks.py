@@ -22,6 +22,7 @@ from bilateral_rl.training.adaptation_figure import draw_adaptation
 from bilateral_rl.training.moments import trained_moments
 from bilateral_rl.training.run import resume, train
 from bilateral_rl.training.side_by_side import SideBySideLearner
+from bilateral_rl.vocabulary import SIDES
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
@@ -244,3 +245,13 @@ def test_the_states_count_of_blocks_is_checked(adapting, tmp_path):
         folder.save_resume(state | wrong)
         with pytest.raises(UserError, match=r"is damaged: .*blocks"):
             resume(folder, adapting())
+
+
+def test_blocks_of_two_arms_tell_of_each_hand(tmp_path):
+    few = {"timesteps": 160, "evaluation": {"trials": 2}, "blocks": {"every": 160, "trials": 2}}
+    folder = train(small_rl("ppo", "bimanual_curl_field", trial=FIELD["trial"], **few), tmp_path).folder
+    blocks = read_blocks(folder.path / BLOCKS)
+    for name in ("final_error", "signed_deviation"):
+        by_hand = blocks[[f"{name}_of_{hand}" for hand in SIDES]]
+        assert by_hand.mean(axis=1).tolist() == pytest.approx(blocks[name].tolist(), rel=1e-4)
+    assert set(blocks["condition"]) == {"field", "null", "channel"}
