@@ -78,17 +78,12 @@ def test_trajectories_and_gradients_are_torchs_with_every_lesion(
     assert_rows_close(rollout.layout, gradient, expected, rtol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("architecture", "units", "paths"), [("unilateral", 2, {}), ("callosal", 8, {"ipsilateral_share": 0.0})]
-)
-def test_other_networks_of_two_arms_too(
-    random_networks, make_rollout, gradient_rows, assert_rows_close, architecture, units, paths
+def test_gradients_are_torchs_without_ipsilateral_paths_too(
+    random_networks, make_rollout, gradient_rows, assert_rows_close
 ):
-    networks = random_networks(architecture, units, n_arms=2, **paths)
+    networks = random_networks("callosal", 8, n_arms=2, ipsilateral_share=0.0)
     rollout = rolled(make_rollout, networks, n_streams=2)
     path = in_torch(networks, rollout)
-    for name in TRAJECTORIES:
-        torch.testing.assert_close(getattr(rollout, name), path[name].detach(), rtol=1e-10, atol=1e-11)
     for network in networks:
         network.requires_grad_()  # what is fixed has a gradient, too, which nobody asks for
     losses = [(weights * path["terms"]).sum() for weights in TERM_WEIGHTS]
