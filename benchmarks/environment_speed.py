@@ -18,6 +18,8 @@ from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.envs.tasks import TaskLike
 
+Round = Callable[[], list[float]]
+"""Does ``STEPS`` steps, and returns the seconds of each: on a busy machine more of them go by undisturbed."""
 ROUNDS = 200
 STEPS = 50
 """Of a round: a trial, and what it takes to begin the next one."""
@@ -36,32 +38,33 @@ EVERYTHING = {
 }
 
 
-def alternately(rounds: Sequence[Callable[[], float]], arms: int) -> list[float]:
-    """Arm-steps per second of several things that are done in turn: of each the best of many rounds."""
+def alternately(rounds: Sequence[Round], arms: int) -> list[float]:
+    """Arm-steps per second of several things that are done in turn, of each step of a round the best of many."""
     times = np.array([[seconds() for seconds in rounds] for _ in range(ROUNDS)])
-    return (STEPS * arms / times.min(axis=0)).tolist()
+    return (STEPS * arms / times.min(axis=0).sum(axis=1)).tolist()
 
 
-def timed(step: Callable[[], object]) -> Callable[[], float]:
-    """A round of ``step`` that returns its seconds."""
+def timed(step: Callable[[], object]) -> Round:
+    """A round of ``step``."""
 
-    def seconds() -> float:
-        began = time.perf_counter()
+    def seconds() -> list[float]:
+        moments = [time.perf_counter()]
         for _ in range(STEPS):
             step()
-        return time.perf_counter() - began
+            moments.append(time.perf_counter())
+        return np.diff(moments).tolist()
 
     return seconds
 
 
-def batched(task: TaskLike, n_envs: int = 1024) -> Callable[[], float]:
+def batched(task: TaskLike, n_envs: int = 1024) -> Round:
     env = ArmVecEnv(n_envs, task, seed=0, trial_length=STEPS)
     env.reset()
     action = np.random.default_rng(0).uniform(-1, 1, (n_envs, *env.action_space.shape)).astype(np.float32)
     return timed(lambda: env.step(action))
 
 
-def single() -> Callable[[], float]:
+def single() -> Round:
     env = ArmEnv()
     env.reset(seed=0)
     action = np.random.default_rng(0).uniform(-1, 1, 6).astype(np.float32)
@@ -74,17 +77,17 @@ def single() -> Callable[[], float]:
     return timed(step)
 
 
-def elsewhere(checkout: Path) -> Callable[[], float]:
+def elsewhere(checkout: Path) -> Round:
     """A round of 1024 single arms of another checkout, in a process of its own that waits between rounds."""
     command = [sys.executable, __file__, "--rounds-on-demand"]
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     process = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(checkout)}, **pipes)
 
-    def seconds() -> float:
+    def seconds() -> list[float]:
         assert process.stdin is not None
         assert process.stdout is not None
         print(file=process.stdin, flush=True)
-        return float(process.stdout.readline())
+        return [float(word) for word in process.stdout.readline().split()]
 
     return seconds
 
@@ -125,7 +128,7 @@ if __name__ == "__main__":
     if arguments.rounds_on_demand:
         seconds = batched("random_reach")
         for _ in sys.stdin:
-            print(seconds(), flush=True)
+            print(*seconds(), flush=True)
     elif arguments.against:
         against(arguments.against)
     else:
