@@ -1,4 +1,4 @@
-"""Trials hand by hand: how straight each reach was, how steadily each hand kept its place, and means by hand and role.
+"""Trials hand by hand: how straight each reach was, and how steadily each hand kept its place.
 
 A *hand* is the dominant or the non-dominant one; its *role* is to "reach", or to "hold" where its goal is its start.
 A study of two arms asks which hand does which of both better (Woytowicz, Westlake, Whitall & Sainburg 2018,
@@ -67,12 +67,3 @@ def hand_table(record: TrialRecord, near: float | None = NEAR) -> pd.DataFrame:
     for name in MEASURES:
         table[name] = np.where(meant.get(name, True), np.asarray(values[name], dtype=np.float64), np.nan)
     return table
-
-
-def hand_means(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the means of the columns of :func:`hand_table` by ``hand`` and ``role``, which are the index.
-
-    Values that are NaN are left out; the mean of a measure that no hand has is NaN. ``trials`` says how many there are.
-    """
-    groups = table.groupby(["hand", "role"], sort=True)
-    return groups[list(MEASURES)].mean().assign(trials=groups.size())

@@ -10,6 +10,7 @@ import pandas as pd
 
 from bilateral_rl.analysis.breakdowns import breakdown
 from bilateral_rl.analysis.conditions import Conditions, conditions
+from bilateral_rl.analysis.hands import hand_table
 from bilateral_rl.analysis.metric import Metric
 from bilateral_rl.analysis.metrics import metrics_of
 from bilateral_rl.analysis.modulation import SideModulation, side_modulations
@@ -51,9 +52,15 @@ class Evaluation:
 
     def by_trial(self) -> pd.DataFrame:
         """Return a row a network and trial, of two arms and hand, at the radius of the test (:meth:`Run.evaluate`)."""
-        radius = self.config.trial.threshold
-        tables = [record.table(radius).assign(seed=seed) for seed, record in self.records.items()]
+        tables = [self._of_trials(record).assign(seed=seed) for seed, record in self.records.items()]
         return self._labelled(pd.concat(tables, ignore_index=True))
+
+    def _of_trials(self, record: TrialRecord) -> pd.DataFrame:
+        table = record.table(self.config.trial.threshold)
+        if record.n_arms == 1:
+            return table
+        of_hands = hand_table(record)
+        return table.join(of_hands[[name for name in of_hands if name not in table]])
 
     def taken_apart(self, by: str) -> pd.DataFrame:
         """Return a row a network and part of the trials, at the radius of the test (:meth:`Run.evaluate`)."""

@@ -148,8 +148,9 @@ class Run:
             ``goal_completion`` (0 or 1), ``speed_to_goal_m_per_step``, ``time_in_goal_steps``, ``final_error_m``,
             ``start_distance_m``, both returns, ``start_x_m``, ``target_x_m``, ``load_x_N`` and the same along y, of
             experiments ``condition``, ``target_index`` and ``onset_step`` (of the cue or the jump), and ``seed``. Of
-            two arms it is a row a hand, with ``hand`` ("dominant", "non_dominant") and ``role`` ("reach", "hold"), and
-            places and loads are in the frame of the body, whose midline is x = 0.
+            two arms it is a row a hand, with ``hand`` ("dominant", "non_dominant") and ``role`` ("reach", "hold"), how
+            straight and how far it went or how steadily it kept its place, and places and loads are in the frame of the
+            body, whose midline is x = 0.
 
             By target or condition, a row a network and listed target (``target``, its index, and ``target_angle_deg``)
             or condition of the trials (``condition``: "field", "null_field", "channel", "no_go", "jump", "pulse", or

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plain_trials import a_record, two_hands
 
-from bilateral_rl.analysis.hands import MEASURES, OF_HOLDS, OF_REACHES, hand_means, hand_table
+from bilateral_rl.analysis.hands import MEASURES, OF_HOLDS, OF_REACHES, hand_table
 from bilateral_rl.analysis.metrics import find_metric, means_something, measure, metrics_of, preferred_by_hand
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import SIDES
@@ -63,15 +63,6 @@ def test_the_mirrored_direction_has_the_other_sign():
     left, right = hand_table(record)["direction_error_rad"]
     assert left == pytest.approx(-right)
     assert left > 0
-
-
-def test_means_are_by_hand_and_role():
-    means = hand_means(hand_table(two_hands()))
-    assert means.index.tolist() == [(hand, role) for hand in SIDES for role in ("hold", "reach")]
-    assert (means["trials"] == 1).all()
-    assert means.loc[("dominant", "reach"), "max_deviation_m"] == pytest.approx(0.01)
-    assert np.isnan(means.loc[("dominant", "hold"), "max_deviation_m"])
-    assert means.loc[("non_dominant", "hold"), "drift_m"] == pytest.approx(0.015)
 
 
 def test_metrics_are_of_each_hand_in_its_role():

@@ -51,6 +51,8 @@ def test_evaluate_says_and_writes_what_each_hand_did(invoke, run, tmp_path):
     assert len(table) == 16
     assert set(table.groupby("trial")["role"].agg(tuple)) == {("hold", "reach"), ("reach", "hold")}
     assert (table["start_x_m"].where(table["hand"] == SIDES[0], -table["start_x_m"]) > 0.05).all()
+    assert table["max_deviation_m"].notna().eq(table["role"] == "reach").all()
+    assert table["drift_m"].notna().eq(table["role"] == "hold").all()
     written = json.loads(measures.read_text())["by_hand"]
     assert {(row["hand"], row["role"]) for row in written} == {*HANDS}
     assert {row["threshold_m"] for row in written} == {0.02, 0.03, 0.05}
