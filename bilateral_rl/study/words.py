@@ -71,9 +71,9 @@ WORDS: dict[Subject, Words] = {
         "a hold stable by its RMS error, unless the reading says otherwise. An undershoot looks straight, so the "
         "extent of reaches stands beside. The interaction is of errors in percent of both hands' mean in the same "
         "network, half the sum of the dominant hand's advantage in reaching and the other's in holding. A network "
-        f"whose reaches with either hand get less than {NOT_LEARNED:g} % of their way has not learned: it is named and "
-        "left out, as a hand that stays where it is moves straight and holds well. Every test is counterbalanced: half "
-        "of its trials are the others with arms and roles exchanged.",
+        f"that completes less than {NOT_LEARNED:g} % of its reaches within 5 cm, with either hand, has not learned: it "
+        "is named and left out, as a hand that stays where it is moves straight and holds well. Every test is "
+        "counterbalanced: half of its trials are the others with arms and roles exchanged.",
         lesions="Lesions: deep – a side contributes nothing to either arm's commands, but still sends over the "
         "callosum; callosum – no exchange between the sides. The arm opposite to the side of a lesion, which that side "
         "moved, is the contralesional one; the arm of the same side is the ipsilesional one. Networks are tested in "

@@ -23,8 +23,8 @@ from bilateral_rl.vocabulary import SIDES, Side
 TASK = "reach_and_hold"
 """The task that the claims are about."""
 NOT_LEARNED = 50.0
-"""Extent (%) of the intact network's reaches below which, with either hand, it counts as not having learned: it stays
-on the plateau of keeping both hands where they are [ours]."""
+"""Share of reaches (%) that the intact network completes within 5 cm below which, with either hand, it counts as not
+having learned: it stays on the plateau of keeping both hands where they are, or still flings them about [ours]."""
 OTHER: dict[Side, Side] = {SIDES[0]: SIDES[1], SIDES[1]: SIDES[0]}
 """The other hand, or the other hemisphere."""
 NONE = Protocol("none").name
@@ -36,7 +36,7 @@ class HandEvidence:
     """Results as B1 to B6 ask for them.
 
     Networks that never learned the task are left out of every sample: a hand that stays where it is moves straight and
-    holds well. :meth:`left_out` names them.
+    holds well, and one that flies about says nothing of either. :meth:`left_out` names them.
 
     Args:
         results: long tables (:mod:`bilateral_rl.analysis.results`) of one algorithm by the stiffness of the spring in
@@ -115,9 +115,9 @@ class HandEvidence:
     def not_learned(self, model: str) -> list[int]:
         """Return the seeds whose intact network never learned the task (:data:`NOT_LEARNED`), in rising order."""
         if model not in self._not_learned:
-            names = [metric_of_hand("extent", self.task, hand, "reach") for hand in SIDES]
-            extents = [self._raw(name, State(self.task, model), None) for name in names]
-            table = pd.concat(extents, axis=1, join="outer").min(axis=1)
+            names = [metric_of_hand("goal_completion_5cm", self.task, hand, "reach") for hand in SIDES]
+            completed = [self._raw(name, State(self.task, model), None) for name in names]
+            table = pd.concat(completed, axis=1, join="outer").min(axis=1)
             self._not_learned[model] = sorted(map(int, table.index[table < NOT_LEARNED]))
         return self._not_learned[model]
 

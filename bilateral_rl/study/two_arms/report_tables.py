@@ -40,8 +40,8 @@ _LESION_NOTE = (
     "that the lost side moved."
 )
 _LEARNED_NOTE = (
-    f"A network has learned if its reaches with either hand get {NOT_LEARNED:g} % of their way or more; the others are "
-    "left out of every other number."
+    f"A network has learned if it completes {NOT_LEARNED:g} % of its reaches or more within 5 cm, with either hand; "
+    "the others are left out of every other number."
 )
 
 
