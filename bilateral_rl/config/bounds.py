@@ -25,7 +25,7 @@ from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConf
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.envs.two_arms import TwoArmSettings
 from bilateral_rl.io.errors import UserError
-from bilateral_rl.vocabulary import GROUPS, stream_mix, stream_names
+from bilateral_rl.vocabulary import GROUPS, SIDES, stream_mix, stream_names
 
 MOST_PARAMETERS = 10**7
 """Parameters of a network or a critic."""
@@ -191,8 +191,14 @@ def _check_frozen(config: TrainConfig) -> None:
     """Refuse to freeze sides that there are not, or everything."""
     if config.frozen and config.spec.architecture == "unilateral":
         raise UserError(f"frozen names sides, which the model {config.model} has not: leave it out.")
-    if len(config.frozen) == len(GROUPS):
-        raise UserError(f"frozen leaves nothing to learn: give two of {', '.join(GROUPS)} at most.")
+    groups = GROUPS if config.network.ipsilateral_share != 0 else SIDES
+    if missing := [group for group in config.frozen if group not in groups]:
+        raise UserError(
+            f"frozen names {missing[0]}, and nothing is where network.ipsilateral_share is 0: name one of the sides."
+        )
+    if len(config.frozen) == len(groups):
+        most = "two" if len(groups) > 2 else "one"
+        raise UserError(f"frozen leaves nothing to learn: give {most} of {', '.join(groups)} at most.")
 
 
 def _check_rl(config: RLConfig) -> None:

@@ -196,6 +196,17 @@ def test_weights_of_hemispheres_in_two_arms_are_taken_where_they_have_an_effect(
             resolve(None, None, [task, {"network": network}], model=model)
 
 
+def test_without_an_ipsilateral_path_nothing_is_shared_that_could_be_frozen():
+    alone = {"experiment": TWO_ARMS, "network": {"ipsilateral_share": 0.0}}
+    assert resolve("ppo", None, [alone | {"frozen": "dominant"}]).frozen == ("dominant",)
+    for frozen, message in (
+        (["shared"], r"frozen names shared, and nothing is where network\.ipsilateral_share is 0"),
+        (["dominant", "non_dominant"], "frozen leaves nothing to learn: give one of dominant, non_dominant at most"),
+    ):
+        with pytest.raises(UserError, match=message):
+            resolve("ppo", None, [alone | {"frozen": frozen}])
+
+
 def test_reading_a_configuration_draws_no_random_numbers():
     before = torch.get_rng_state()
     resolve(None, None)

@@ -35,6 +35,8 @@ SHARED = {
     "blocks.every", "blocks.trials",
 }  # fmt: skip
 """Settings of every reinforcement learning that are no arguments of an algorithm or a policy."""
+OF_TWO_ARMS = {"network.ipsilateral_share": 0.3, "network.trained_combination": True}
+"""Other values of settings that have an effect on two arms alone."""
 RL = [algo for algo in ALGORITHMS if algo != "bptt"]
 
 
@@ -69,12 +71,14 @@ def test_every_hyperparameter_reaches_the_algorithm_or_its_policy(algo):
     hyperparameters = {name for name in defaults if name.startswith((f"{algo}.", "network."))}
     assert defaults.keys() == hyperparameters | NAMES | MACHINE | SHARED | {"trial"}
 
-    def built(*layers):
-        config = resolve(algo, None, layers)
+    def built(*layers, task=None):
+        config = resolve(algo, task, layers)
         return repr((algorithm_arguments(config), policy_arguments(config)))
 
-    for name in hyperparameters:
+    for name in hyperparameters - OF_TWO_ARMS.keys():
         assert built(nested(name, another(name, defaults[name]))) != built(), name
+    for name, value in OF_TWO_ARMS.items():
+        assert built(nested(name, value), task="two_reaches") != built(task="two_reaches"), name
 
 
 SMALL = {
@@ -93,15 +97,15 @@ SHOWS = {
         "network.hidden_noise": 0.1, "frozen": "shared",
         "trial": {"trial_length": 4}, "bptt.learning_rate": 0.01, "bptt.epsilon": 1e-3, "bptt.clip_norm": 1e-3,
         "bptt.batch_size": 2, "bptt.trials": 4, "bptt.validation_trials": 3, "bptt.penalty": "activity",
-        "bptt.penalty_coefficient": 0.5,
+        "bptt.penalty_coefficient": 0.5, "bptt.final_learning_rate": 0.01,
     },
 }  # fmt: skip
 """Other values, each of which shows in the run's folder."""
 
 
-def trained(algo, out, *layers):
+def trained(algo, out, *layers, task=None):
     """What a run's folder shows, but for its settings and times."""
-    config = resolve(algo, None, [{"trial": {"trial_length": 5}}, SMALL[algo], *layers])
+    config = resolve(algo, task, [{"trial": {"trial_length": 5}}, SMALL[algo], *layers])
     folder = train(config, out).folder
     names = sorted(path.name for path in folder.path.rglob("*") if "tfevents" not in path.name)
     weights = {name: folder.weights_hash(name) for name in folder.weight_names()}
@@ -114,12 +118,18 @@ def test_every_other_setting_shows_in_the_run(algo, tmp_path):
     told_elsewhere = {"blocks.every", "blocks.trials"}  # test_blocks.py
     told_elsewhere |= {"seeds"} if algo == "ppo" else {"bptt.patience"}
     shown = {name for name in SHOWS[algo] if algo == "bptt" or name in SHARED | {"trial"}}
-    expected = SHARED | {"trial"} if algo == "ppo" else settings_of("bptt").keys() - NAMES - MACHINE
+    expected = (
+        SHARED | {"trial"} if algo == "ppo" else settings_of("bptt").keys() - NAMES - MACHINE - OF_TWO_ARMS.keys()
+    )
     assert shown | told_elsewhere | {"init_from"} == expected, "say here what another value shows"
     plain = trained(algo, tmp_path)
     assert plain == trained(algo, tmp_path), "or nothing is shown below"
     for name, value in SHOWS[algo].items():
         assert trained(algo, tmp_path, nested(name, value)) != plain, name
+    if algo == "bptt":
+        both = trained(algo, tmp_path, task="two_reaches")
+        for name, value in OF_TWO_ARMS.items():
+            assert trained(algo, tmp_path, nested(name, value), task="two_reaches") != both, name
     assert trained(algo, tmp_path, {"device": "cpu"}) == plain
     with pytest.raises(UserError, match="There is no run nowhere"):
         trained(algo, tmp_path, {"init_from": "nowhere"})
