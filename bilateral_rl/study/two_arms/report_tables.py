@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import pandas as pd
 
-from bilateral_rl.analysis.formats import mean_sd, number
-from bilateral_rl.analysis.intervals import mean_interval
+from bilateral_rl.analysis.formats import fixed, mean_sd, number
+from bilateral_rl.analysis.intervals import hedges_g, mean_interval
 from bilateral_rl.analysis.metric import ROLES, Role
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.protocols import Protocol
@@ -33,7 +34,7 @@ _BETTER_NOTE = (
     "Percent of both hands' mean in the same network, with the 95 % interval over the seeds; above 0 as the claims "
     "have it. Interaction: half the sum of both advantages. Global advantage: half of the non-dominant hand's in both "
     "roles, which is no complementary dominance. Its loss makes it exact near the target, so that its reaches end "
-    "closer, too: that is no stability."
+    "closer, too: that is no stability. Hedges' g: in standard deviations over the seeds."
 )
 _LESION_NOTE = (
     "Reaches without spring, mean ± standard deviation over the seeds that learned. The contralesional arm is the one "
@@ -103,10 +104,12 @@ def _better(evidence: HandEvidence, models: Sequence[str]) -> ReportTable:
         both = pd.concat([reach, hold], axis=1, join="inner")
         values = [reach, hold, both.mean(axis=1), (both.iloc[:, 1] - both.iloc[:, 0]) / 2, closer]
         if len(both):
-            rows.append([model_label(model), *map(_interval, values)])
+            size = hedges_g(both.mean(axis=1), np.zeros(len(both)), paired=True)
+            g = f"{fixed(size.value, 2, '+')} ({fixed(size.low, 2)} to {fixed(size.high, 2)})"
+            rows.append([model_label(model), *map(_interval, values), g])
     columns = [
         "", "dominant hand straighter in reach", "non-dominant hand steadier in hold", "interaction",
-        "global advantage of the non-dominant hand", "its reaches end closer",
+        "global advantage of the non-dominant hand", "its reaches end closer", "Hedges' g of the interaction",
     ]  # fmt: skip
     return ReportTable("roles", "Which hand is better at what (%)", columns, rows, _BETTER_NOTE)
 
