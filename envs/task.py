@@ -161,7 +161,7 @@ class Task(ABC):
     def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
         """Return which of the targets that it lists each trial of :meth:`trials` has, from 0; -1: no list.
 
-        (n,) of one arm, (n, 2) of two arms.
+        (n,) of one arm; (n, 2) of two arms, whose lists are numbered through, that of the dominant arm first.
         """
         n = len(uniform)
         return np.full(n if self.n_arms == 1 else (n, self.n_arms), -1, dtype=np.int32)

@@ -32,8 +32,9 @@ def breakdown(record: TrialRecord, by: str, metrics: Sequence[Metric]) -> pd.Dat
         metrics: the columns, by name; phases have their own.
 
     Returns:
-        Columns ``target`` (its index) and ``target_angle_deg``, or ``condition``, or ``phase``, or ``hand`` and
-        ``role``; ``trials``, how many, of two arms how many hands; and the measures.
+        Columns ``target`` (its index), of two arms ``hand``, and ``target_angle_deg`` (in the frame of the body), or
+        ``condition``, or ``phase``, or ``hand`` and ``role``; ``trials``, how many, of two arms how many hands; and the
+        measures.
 
     Raises:
         UserError: anything else, trials whose targets are no list, or hands of one arm.
@@ -53,15 +54,19 @@ def check_breakdown(by: str) -> None:
 
 
 def _targets(record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArray[np.bool_]]]:
-    index = record.plan.target_index
-    if (index < 0).any():
+    """Of two arms hand by hand: what one does in exchange for the other is mirrored."""
+    index, way = record.plan.target_index, (record.plan.goal - record.plan.start).astype(np.float64)
+    if (index < 0).all():
         raise UserError(
             "The targets of this task are no list, so that nothing can be told by target: leave --by target out."
         )
-    for number in np.unique(index):
-        rows = index == number
-        x, y = (record.plan.goal[rows] - record.plan.start[rows]).astype(np.float64).mean(axis=0)
-        yield {"target": int(number), "target_angle_deg": float(np.degrees(np.arctan2(y, x)) % 360)}, rows
+    for number, hand in itertools.product(np.unique(index[index >= 0]), SIDES[: record.n_arms]):
+        rows = (index == number) & (record.plan.hand == hand)
+        if rows.any():
+            x, y = way[rows].mean(axis=0) * (1 if hand == SIDES[0] else -1, 1)  # in the frame of the body
+            whose = {"hand": hand} if record.n_arms > 1 else {}
+            angle = float(np.degrees(np.arctan2(y, x)) % 360)
+            yield {"target": int(number)} | whose | {"target_angle_deg": angle}, rows
 
 
 def _conditions(record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArray[np.bool_]]]:

@@ -227,7 +227,8 @@ LABEL_FIELDS = (
     Field("condition", (), "",
           f"what is special of the trial: {', '.join(_WRITTEN)}, or several joined by +; of experiments alone"),
     Field("target_index", (), "",
-          "which of the listed targets it is, from 0; -1 without a list; of experiments alone"),
+          "which of the listed targets it is, from 0, of two arms numbered through; -1 without a list; of experiments "
+          "alone"),
     ROLE,
 )
 # fmt: on

@@ -47,7 +47,7 @@ def parts_table(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) 
         first = rows.iloc[0]
         names = [str(first[label]) for label in by]
         if "target" in by:
-            names = [f"{first['target']} ({first['target_angle_deg']:.0f}°)"]
+            names[0] = f"{first['target']} ({first['target_angle_deg']:.0f}°)"
         if of_hands:
             names = [name.replace("_", "-") for name in names]
         cells = (mean_sd(rows[column], 2 if column in _FINE else 1) for column in columns)

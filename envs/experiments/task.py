@@ -88,11 +88,12 @@ class ExperimentTask(Task):
         return tuple(name for name in ("field", "null", "channel") if any(name in of for of in of_arms))
 
     def target_indices(self, uniform: NDArray[np.float64], settings: TrialSettings) -> NDArray[np.int32]:
-        of_arms = np.full((len(uniform), self.n_arms), -1, dtype=np.int32)
+        of_arms, before = np.full((len(uniform), self.n_arms), -1, dtype=np.int32), 0
         for of, assignment in enumerate(self._assignments):
             n = None if isinstance(assignment.target, str) else number_listed(assignment.target)
             if n is not None:
-                of_arms[:, of] = chosen_index(self._parts(uniform, of)["target"][:, 0], n)
+                of_arms[:, of] = before + chosen_index(self._parts(uniform, of)["target"][:, 0], n)
+                before += n
         if self.n_arms == 1:
             return of_arms[:, 0]
         return np.where(self._exchanges(uniform)[:, None], of_arms[:, ::-1], of_arms)

@@ -67,6 +67,15 @@ def test_by_hand_and_role_there_is_a_row_for_each_that_there_is():
     assert by_role["goal_completion_5cm"].isna().tolist() == by_role["hold_rms_error"].notna().tolist() == [False, True]
 
 
+def test_by_target_two_hands_are_told_apart_and_a_hand_that_holds_has_none():
+    record = two_hands()  # what one hand does in exchange for the other is mirrored in the frame of the body
+    plan = dataclasses.replace(record.plan, target_index=np.array([4, -1, -1, 4]))
+    table = breakdown(dataclasses.replace(record, plan=plan), "target", METRICS)
+    assert list(table)[:4] == ["target", "hand", "target_angle_deg", "trials"]
+    assert list(zip(table["target"], table["hand"], table["trials"], strict=True)) == [(4, hand, 1) for hand in SIDES]
+    np.testing.assert_allclose(table["target_angle_deg"], [0, 180])
+
+
 def test_one_arm_has_no_hands_to_tell_apart(record):
     with pytest.raises(UserError, match="--by hand,role tells two hands apart"):
         breakdown(record, "hand,role", METRICS)

@@ -1,6 +1,8 @@
 """An experiment with every feature at once, and a task of the user's own, through every command."""
 
+import re
 import sys
+import textwrap
 
 import pandas as pd
 import pytest
@@ -34,6 +36,15 @@ trial:
   proprioception_delay: 1
   vision_delay: 3
   losses: {dominant: {hand_speed: 0.1}, non_dominant: {muscle_force: 0.1, excitation_change: 0.1}, last_steps: 15}
+"""
+WORDS, OF_ONE_ARM, TRIAL = re.split(r"(?=^start:|^trial:)", EVERYTHING, flags=re.MULTILINE)
+TWO_ARMS = f"""\
+{WORDS}arms:
+  dominant:
+{textwrap.indent(OF_ONE_ARM.replace("[[0.0, 0.4], [0.05, 0.4]]", "[[0.15, 0.4], [0.2, 0.4]]"), 4 * " ")}
+  non_dominant: {{start: {{hand: [-0.15, 0.4]}}, target: start, forces: {{load: drawn}}}}
+exchange: 0.5
+{TRIAL}  two_arms: {{spring: {{stiffness: 30, damping: 1, kind: distance}}}}
 """
 CLASS = """\
 import numpy as np
@@ -121,7 +132,9 @@ def test_a_file_with_every_feature_is_learned_by_bptt_lesioned_and_published(inv
 
 @pytest.mark.slow
 @pytest.mark.parametrize("algo", SMALL)
-def test_every_algorithm_goes_through_every_command_with_every_feature(invoke, everything, algo):
+@pytest.mark.parametrize("of", [EVERYTHING, TWO_ARMS], ids=["one arm", "two arms"])
+def test_every_algorithm_goes_through_every_command_with_every_feature(invoke, everything, algo, of, tmp_path):
+    (tmp_path / everything).write_text(of)
     run, more = f"runs/everything/cc_s-{algo}-1", ("--epochs", 2) if algo == "bptt" else ("--timesteps", 240)
     assert invoke("train", "--task", everything, "--algo", algo, *settings(algo))[0] == 0
     assert invoke("train", "--task", everything, "--algo", algo, "--model", "uni_b", *settings(algo))[0] == 0
@@ -131,11 +144,36 @@ def test_every_algorithm_goes_through_every_command_with_every_feature(invoke, e
         ("record", run, "--trials", 4, "--out", "r.npz", "--lesion", "deep_dominant"),
         ("lesion", run, "--trials", 4, *RETRAINING),
         ("compare", run, f"runs/everything/uni_b-{algo}-1", "--trials", 4),
-        ("render", run, "--trials", 1),
+        ("render", run, "--trials", 2),
+        ("evaluate", run, "--trials", 40, "--by", "target"),
         ("export", run, "--trials", 4, "--out", "published"),
     ):
         code, out = invoke(*command)
         assert code == 0, out
+
+
+def test_an_experiment_of_two_arms_is_learned_changed_arm_by_arm_and_told_by_hand_and_target(invoke, tmp_path):
+    arm = "{{start: {{hand: [{x}, 0.4]}}, target: {target}, forces: {{load: [1, 0]}}}}"
+    arms = {
+        "dominant": arm.format(x=0.18, target="{center_out: {number: 2}}"),
+        "non_dominant": arm.format(x=-0.18, target="start"),
+    }
+    (tmp_path / "both.yaml").write_text(
+        "arms:\n" + "".join(f"  {side}: {of}\n" for side, of in arms.items()) + "exchange: 0.5\n"
+    )
+    assert invoke("train", "--task", "both.yaml", "--algo", "ppo", *settings("ppo"))[0] == 0
+    run, changed = "runs/both/cc_s-ppo-1", "experiment.arms.non_dominant.forces.load=[0,2]"
+    assert invoke("record", run, "--trials", 4, "--set", changed, "--out", "r.csv")[0] == 0
+    table = pd.read_csv(tmp_path / "r.csv").drop_duplicates("trial")
+    loads = {(row.role_dominant, row.load_dominant_x_N, row.load_non_dominant_y_N) for row in table.itertuples()}
+    assert loads == {("reach", 1.0, 2.0), ("hold", 0.0, 0.0)}  # exchanged: the load of a reach is mirrored
+    code, out = invoke("evaluate", run, "--trials", 16, "--by", "target", "--csv", "parts.csv")
+    assert code == 0, out
+    parts = pd.read_csv(tmp_path / "parts.csv")
+    assert list(zip(parts.target, parts.hand, parts.target_angle_deg.round(), strict=True)) == [
+        (0, "dominant", 0), (0, "non_dominant", 180), (1, "dominant", 180), (1, "non_dominant", 0),
+    ]  # fmt: skip
+    assert parts.trials.sum() == 16
 
 
 @pytest.mark.slow
