@@ -8,7 +8,6 @@ import warp as wp
 from bilateral_rl.bptt.features import Features
 from bilateral_rl.bptt.rollout_structs import rollout_structs
 from bilateral_rl.envs.arm import hand_spring
-from bilateral_rl.envs.arm.adjoint import distance_spring_slopes, vector_spring_slopes
 from bilateral_rl.envs.arm.hand_spring import seen_from_other_arm
 from bilateral_rl.envs.arm.physics import arm_types
 
@@ -31,7 +30,7 @@ def spring_functions(real: Any, features: Features) -> SpringFunctions:
     structs = rollout_structs(real, features.further_losses)
     Trials, mat22 = structs.Trials, structs.mat22
     force = hand_spring.distance_spring if features.distance_spring else hand_spring.vector_spring
-    slopes = distance_spring_slopes if features.distance_spring else vector_spring_slopes
+    slopes = hand_spring.distance_spring_slopes if features.distance_spring else hand_spring.vector_spring_slopes
 
     @wp.func
     def at_start(trials: Trials, own: vec4, other: vec4) -> vec2:

@@ -219,35 +219,6 @@ def weighted_motion_in_field(
 
 
 @wp.func
-def vector_spring_slopes(own: Any, other: Any, rest: Any, stiffness: Any, damping: Any) -> Any:
-    """Return the partial derivatives (2, 2) of ``vector_spring`` by the other hand's position, and by its velocity.
-
-    Those by the own hand are their negatives.
-    """
-    return wp.diag(type(rest)(stiffness, stiffness)), wp.diag(type(rest)(damping, damping))
-
-
-@wp.func
-def distance_spring_slopes(own: Any, other: Any, rest: Any, stiffness: Any, damping: Any) -> Any:
-    """Return the partial derivatives of ``distance_spring``, likewise; 0 for hands at the same place.
-
-    The force is a tension along the direction u from hand to hand: by what is between the hands, the tension changes by
-    ``slope``, and u by what of a change is across u, over the distance.
-    """
-    one = type(stiffness)(1.0)
-    apart = type(rest)(other[0] - own[0], other[1] - own[1])
-    rate = type(rest)(other[2] - own[2], other[3] - own[3])
-    length = wp.length(apart)
-    u = wp.normalize(apart)
-    along = wp.outer(u, u)
-    inverse = wp.where(length > type(stiffness)(0.0), one / length, type(stiffness)(0.0))
-    tension = stiffness * (length - wp.length(rest)) + damping * wp.dot(u, rate)
-    slope = stiffness * u + damping * inverse * (rate - wp.dot(u, rate) * u)
-    across = wp.diag(type(rest)(one, one)) - along
-    return wp.outer(u, slope) + tension * inverse * across, damping * along
-
-
-@wp.func
 def activation_slopes(p: Any, activation: Any, excitation: Any) -> Any:
     """Return the partial derivatives (2,) of ``next_activation`` by activation and excitation.
 

@@ -172,3 +172,9 @@ def test_what_is_fixed_is_neither_moved_nor_penalized_and_what_is_trained_stays_
     combination = layout.region(rollout.weights, "combination")
     assert (combination >= 0).all()
     assert (combination == 0).any()
+
+
+def test_networks_of_another_number_of_arms_than_the_trials_are_refused(random_networks, make_rollout):
+    for n_arms, of in ((1, Conditions(n_arms=2)), (2, Conditions())):
+        with pytest.raises(ValueError, match=r"^trials of \d arm\(s\) are for networks of \d+ inputs and \d+ outputs"):
+            make_rollout(random_networks("unilateral", 2, n_arms=n_arms), conditions=of)
