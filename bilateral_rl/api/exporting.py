@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bilateral_rl.analysis.metrics import metrics_of
+from bilateral_rl.analysis.metrics import measure, metrics_of, preferred_by_hand
 from bilateral_rl.api.checks import as_path
 from bilateral_rl.api.evaluation import evaluate
 from bilateral_rl.api.run import Run
@@ -24,9 +24,13 @@ def export(run: Run, out: str | Path, *, trials: int, seed: int, weights: str) -
     check_free(folder)
     records = evaluate(run, trials, seed, weights=weights).records
     config = exported_config(run.folder, run.only)
+    task, radius = config.make_task(), config.trial.threshold
+    by_hand = preferred_by_hand(task, radius)
+    metrics = [metric for metric in metrics_of(task, [radius]) if metric.hand is None or metric.name in by_hand]
+    of_seeds = [measure(record, metrics) for record in records.values()]
     measures = [
-        Measured(metric.name, metric.label, metric.unit, [metric.value(record) for record in records.values()])
-        for metric in metrics_of(config.make_task(), [config.trial.threshold])
+        Measured(metric.name, metric.label, metric.unit, [values[metric.name] for values in of_seeds])
+        for metric in metrics
     ]
     returns = np.concatenate([record.vector_return.mean(axis=1) for record in records.values()])
     tests = f"Means over {trials:,} trials, those of `bilateral-rl evaluate FOLDER --trials {trials} --seed {seed}`"

@@ -1,5 +1,6 @@
 """Commands on a run of two arms: what they print and write by hand and role."""
 
+import itertools
 import json
 import re
 import shutil
@@ -8,8 +9,10 @@ import pandas as pd
 import pytest
 from rl_runs import curves, small_rl
 
+from bilateral_rl.api.run import load
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.training.lesion_probe import LesionProbe
 from bilateral_rl.training.probe_table import PROBE, read_probe
 from bilateral_rl.training.run import train
 from bilateral_rl.vocabulary import SIDES
@@ -24,7 +27,9 @@ OF_HANDS = [
 @pytest.fixture(scope="module")
 def _trained(tmp_path_factory):
     config = small_rl("ppo", "reach_and_hold", timesteps=800, evaluation={"lesion_probe_every": 800})
-    return train(config, tmp_path_factory.mktemp("two_arms") / "runs").folder
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LesionProbe, "_draw", lambda *_: None)  # which takes longer than the training
+        return train(config, tmp_path_factory.mktemp("two_arms") / "runs").folder
 
 
 @pytest.fixture
@@ -117,3 +122,22 @@ def test_what_two_arms_do_not_have_is_refused(invoke, run, arguments, message):
     command, *options = arguments
     with pytest.raises(UserError, match=message):
         invoke(command, run.path, *options)
+
+
+def test_python_tells_of_hands_as_commands_do(run):
+    loaded = load(run.path)
+    parts = loaded.evaluate(8, by="hand")
+    assert parts["hand"].tolist() == [*SIDES]
+    trials = loaded.evaluate(8, by="trial").query("role == 'reach'").groupby("hand")
+    expected = 100 * trials["max_deviation_m"].mean()
+    assert parts["perpendicular_deviation_until_2cm"].tolist() == pytest.approx(expected[[*SIDES]].tolist())
+
+
+def test_a_published_run_says_what_each_hand_is_judged_by(invoke, run, tmp_path):
+    invoke("export", run.path, "--out", tmp_path / "shared", "--trials", 8)
+    card = (tmp_path / "shared" / "README.md").read_text()
+    for hand, words in itertools.product(SIDES, ("that reaches", "that holds")):
+        assert card.count(f", {hand.replace('_', '-')} hand {words}") in (
+            1,
+            2,
+        )  # the head has those with a value
