@@ -10,7 +10,10 @@ from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.run import Run
 from bilateral_rl.config.resolve import resolve
+from bilateral_rl.envs import ArmVecEnv, TrialSettings, experiment_named, hand_position
+from bilateral_rl.envs.body_frame import in_body_frame
 from bilateral_rl.envs.task_specs import PARADIGMS
+from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.policies import load_policy
 from bilateral_rl.training.run import train
@@ -132,6 +135,36 @@ def test_nothing_is_known_of_the_target_before_the_cue(trials):
     assert (distance[cued] < 0.03).all()
     assert (distance[~cued] > 0.08).all(), "without a cue the hand stays"
     assert 10 <= value(record, "reaction_time") < 100
+
+
+def test_hands_that_reach_together_go_in_parallel_or_as_in_a_mirror():
+    task = make_task("bimanual_reaches")
+    settings = TrialSettings(**task.trial)
+    trials = task.trials(np.random.default_rng(0).random((200, task.n_uniform)), settings)
+    start, goal = (in_body_frame(hand_position(of, settings.arm), 0.36) for of in (trials.start, trials.goal))
+    dominant, other = np.moveaxis((goal - start).round(4), 1, 0)
+    np.testing.assert_allclose(np.linalg.norm([dominant, other], axis=2), 0.1, atol=1e-4)
+    parallel, mirrored = (dominant == other).all(axis=1), (dominant * [-1, 1] == other).all(axis=1)
+    assert (parallel | mirrored).all()
+    assert len({tuple(row) for row in np.hstack([dominant, other]).tolist()}) == 6
+    assert 0.2 < (parallel & ~mirrored).mean() < 0.47 > (mirrored & ~parallel).mean() > 0.2
+
+
+def test_a_curl_field_on_each_hand_pushes_mirrored_movements_to_mirrored_sides():
+    experiment, ends = experiment_named("bimanual_curl_field"), {}
+    command = np.random.default_rng(0).uniform(-1, 1, (1, 6)).astype(np.float32)
+    for condition in ("field", "null"):
+        env = ArmVecEnv(1, experiment.with_condition(condition), seed=0)
+        env.reset()
+        for _ in range(15):
+            env.step(np.hstack([command, command]))
+        ends[condition] = env.batch.hand  # of both hands, each in its own arm's frame
+        np.testing.assert_array_equal(ends[condition][0], ends[condition][1])
+    moved, pushed = ends["null"][0] - [0, 0.4], ends["field"][0] - ends["null"][0]
+    assert np.linalg.norm(moved) > 0.05
+    # To the right of the dominant hand's movement: a turn from the movement to the push that is clockwise.
+    assert moved[0] * pushed[1] - moved[1] * pushed[0] < 0
+    assert np.linalg.norm(pushed) > 0.01
 
 
 @pytest.mark.slow
