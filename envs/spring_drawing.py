@@ -13,7 +13,7 @@ from bilateral_rl.envs.force_drawing import HAND_RADIUS, draw_force
 SPRING: Color = (52, 52, 58)
 SPRING_FORCE: Color = (110, 112, 130)
 
-_PITCH, _RADIUS, _LEAST_RADIUS = 0.013, 0.016, 0.008  # of a turn where the spring is as long as at the start (m)
+_PITCH, _RADIUS, _LEAST_RADIUS = 0.016, 0.016, 0.008  # of a turn where the spring is as long as at the start (m)
 _LEAST_TURNS, _MOST_TURNS = 7, 80
 _LEAD = 0.012  # m of straight wire at either end
 _DEPTH = 0.4  # a turn is seen from the side by so much that it is no zigzag

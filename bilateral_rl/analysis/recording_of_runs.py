@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from bilateral_rl.analysis.both_ways import trial_seeds
 from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.recording import Recording
 from bilateral_rl.analysis.recording_of_trials import record
@@ -70,6 +71,7 @@ class Recorder:
         under = conditions(config, task, settings)
         if "trial.threshold" in dict(flat(settings or {})):
             raise UserError("trial.threshold changes nothing in a recording, which knows of no goal: leave it out.")
+        trial_seeds(under.config.make_task(), under.settings, trials, seed)  # pairs of two arms, before the first part
         policies = load_policies(folder, weights, only)
         network = next(iter(policies.values())).motor_network
         by_name = {name: lesion_of(folder, config, network, name) for name in lesions}

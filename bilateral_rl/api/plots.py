@@ -75,16 +75,19 @@ def plot_blocks(blocks: pd.DataFrame, ax: Axes | None = None, *, measure: str = 
 
 
 @in_python
-def plot_curves(curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | None = None) -> Axes:
+def plot_curves(
+    curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | None = None, by_hand: bool = False
+) -> Axes:
     """Draw how networks learned: the mean over the seeds of each model, and its 95 % interval.
 
     Args:
         curves: from :meth:`Run.curves`, or those of several runs of one task and one way to train, by ``pd.concat``.
         ax: where to draw; None for a new figure.
         measure: a column of the table, such as "final_error_cm"; None for the one that the paper judges the task by.
+        by_hand: whether there is a line for each hand in each role, of one model of two arms, and not one a model.
 
     Raises:
-        UserError: no such table, or no such column.
+        UserError: no such table, or no such column; or by hand several models, or one arm.
     """
     if not isinstance(curves, pd.DataFrame) or not {"model", "task", "seed"} <= {*curves.columns} or curves.empty:
         raise UserError("--curves must be a table of trainings, as `run.curves()` returns it.")
@@ -96,9 +99,17 @@ def plot_curves(curves: pd.DataFrame, ax: Axes | None = None, *, measure: str | 
     name = measure or usual.name
     if name not in curves or not pd.api.types.is_numeric_dtype(curves[name]):
         raise UserError(f"The table has no numbers {name}; choose a measure from its columns.")
+    models = curves["model"].unique().tolist()
+    if by_hand and len(models) > 1:
+        raise UserError(f"There are several models ({', '.join(models)}): draw one of them by hand.")
+    if by_hand and not learning.columns_of_hands(curves, name):
+        raise UserError(f"The table has no {name} by hand, as trainings of two arms have: leave --by-hand out.")
     axes = axes_for(ax, (5.0, 3.0))
     column = known.get(name, learning.HistoryColumn(name, name.replace("_", " ").capitalize()))
-    learning.draw_curves(axes, curves, column)
+    if by_hand:
+        learning.draw_curves_of_hands(axes, curves, column)
+    else:
+        learning.draw_curves(axes, curves, column)
     return axes
 
 

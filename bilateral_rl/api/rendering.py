@@ -106,12 +106,13 @@ def make_video(
     _check_speed(slow_down := whole("--slow-down", slow_down), settings.arm.timestep)
     path = default_path(actors, lesion, weights) if out is None else as_path("--out", out)
     files.check_path(path)
-    evaluator = Evaluator(actors[0].config.make_task(), settings, trials, seed)
+    task_of_all = actors[0].config.make_task()
+    evaluator = Evaluator(task_of_all, settings, trials + trials % task_of_all.n_arms, seed)
     performances = [
         actor.perform(evaluator, lesion, settings.threshold, label)
         for actor, label in zip(actors, labels(actors, lesion), strict=True)
     ]
-    film = Film(performances, slow_down, size)
+    film = Film(performances, slow_down, size, trials)
     arguments = ["--trials", str(trials), "--seed", str(seed), "--lesion", lesion, "--weights", weights]
     names = [find_run(run).name for run in runs]
     files.write(path, film, _counted(film, progress), shlex.join([*names, *arguments]))

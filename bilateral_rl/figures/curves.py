@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,8 +15,10 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, StrMethod
 
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.samples import Float64
+from bilateral_rl.figures.hands import HAND_STYLES, hand_label
 from bilateral_rl.figures.labels import axis_label, model_label
 from bilateral_rl.figures.style import (
+    ModelStyle,
     families,
     in_order,
     legend_above,
@@ -51,8 +54,21 @@ PREFERRED = {"goal_completion": COMPLETION, "time_in_goal": TIME_IN_GOAL}
 PROGRESS = {"epoch": "Epoch", "timesteps": "Environment steps"}
 """Columns that count how far a training has come, and their words for the axis."""
 
+
 _PANEL_HEIGHT = 1.55
 _MARGIN = 0.05
+
+
+class _Line(NamedTuple):
+    """Look and names of a line."""
+
+    style: ModelStyle
+    label: str
+    gid: str
+
+
+def _line_of(model: str) -> _Line:
+    return _Line(model_style(model), model_label(model), model)
 
 
 def learning_curves(
@@ -76,7 +92,7 @@ def learning_curves(
     for i, (row, measure) in enumerate(zip(grid, measures, strict=True)):
         for j, (axes, models) in enumerate(zip(row, groups, strict=True)):
             for model in models:
-                _curve(axes, epochs[epochs["model"] == model], model, measure.name, progress)
+                _curve(axes, epochs[epochs["model"] == model], measure.name, progress, _line_of(model))
             if measure.logarithmic:
                 _set_logarithmic(axes)
             style_axes(axes, PROGRESS[progress] * (i == len(grid) - 1), axis_label(measure) * (j == 0))
@@ -101,14 +117,43 @@ def draw_curves(axes: Axes, history: pd.DataFrame, measure: HistoryColumn) -> No
         history: as for :func:`learning_curves`, with one of the columns of ``PROGRESS``.
         measure: what to draw.
     """
-    progress = next(name for name in PROGRESS if name in history)
-    for model in in_order(history["model"]):
-        _curve(axes, history[history["model"] == model], model, measure.name, progress)
+    lines = [
+        (history[history["model"] == model], measure.name, _line_of(model)) for model in in_order(history["model"])
+    ]
+    _draw_lines(axes, lines, measure)
+
+
+def draw_curves_of_hands(axes: Axes, history: pd.DataFrame, measure: HistoryColumn) -> None:
+    """Draw one measure of one model of two arms as it learns, a line for each hand in each role that has it.
+
+    Args:
+        axes: where to draw.
+        history: of one model, with the columns of :func:`columns_of_hands`.
+        measure: what to draw.
+    """
+    lines = [
+        (history, name, _Line(HAND_STYLES[of], hand_label(*of), "_".join(of)))
+        for of, name in columns_of_hands(history, measure.name).items()
+    ]
+    _draw_lines(axes, lines, measure)
+
+
+def columns_of_hands(history: pd.DataFrame, measure: str) -> dict[tuple[str, str], str]:
+    """Return the columns that have a measure by hand and role, by both."""
+    names = {of: f"{measure}_of_{'_'.join(of)}" for of in HAND_STYLES}
+    return {of: name for of, name in names.items() if name in history and history[name].notna().any()}
+
+
+def _draw_lines(axes: Axes, lines: Sequence[tuple[pd.DataFrame, str, _Line]], measure: HistoryColumn) -> None:
+    """Draw lines, each with its rows and column, of one measure."""
+    progress = next(name for name in PROGRESS if name in lines[0][0])
+    for rows, name, line in lines:
+        _curve(axes, rows, name, progress, line)
     if measure.logarithmic:
         _set_logarithmic(axes)
     style_axes(axes, PROGRESS[progress], axis_label(measure))
     axes.xaxis.set_major_formatter(EngFormatter())
-    _limit(axes, history[measure.name])
+    _limit(axes, pd.concat([rows[name] for rows, name, _ in lines]))
     legend_above(axes, columns=2)
 
 
@@ -157,14 +202,14 @@ def _limit(axes: Axes, values: pd.Series) -> None:
         axes.set_ylim(low - _MARGIN * (high - low), high + _MARGIN * (high - low))
 
 
-def _curve(axes: Axes, rows: pd.DataFrame, model: str, measure: str, progress: str) -> None:
-    style = model_style(model)
+def _curve(axes: Axes, rows: pd.DataFrame, measure: str, progress: str, line: _Line) -> None:
+    style = line.style
     x, mean, low, high = interval_over_seeds(carried_forward(rows, measure, progress))
     until = int(np.searchsorted(x, half_training(rows, progress)))
     axes.fill_between(x, low, high, color=style.color, alpha=0.2, linewidth=0)
     axes.plot(
         x[: until + 1], mean[: until + 1], color=style.color, linestyle=style.line, linewidth=1.6,
         marker=style.marker, markersize=5, markevery=[until], markeredgecolor="white", markeredgewidth=0.5,
-        label=model_label(model), gid=model,
+        label=line.label, gid=line.gid,
     )  # fmt: skip
-    axes.plot(x[until:], mean[until:], color=style.color, linewidth=0.7, gid=f"{model} tail")
+    axes.plot(x[until:], mean[until:], color=style.color, linewidth=0.7, gid=f"{line.gid} tail")

@@ -140,14 +140,16 @@ class Film:
     """Trials one after another, with a pause after each, and the networks side by side.
 
     Args:
-        performances: the same trials by each network.
+        performances: the same trials by each network, at least as many as are shown.
         slow_down: seconds of video for a second of the arm's time.
         size: height of a network's picture, and the width of one of one arm (pixels).
+        trials: how many trials are shown, the first ones.
     """
 
     performances: Sequence[Performance]
     slow_down: int
     size: int
+    trials: int
 
     @property
     def fps(self) -> float:
@@ -158,11 +160,6 @@ class Film:
     def steps(self) -> int:
         """Steps of a trial."""
         return len(self._first.distance[0])
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return len(self._first.target) // self._first.n_arms
 
     @property
     def shape(self) -> tuple[int, int]:

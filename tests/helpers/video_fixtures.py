@@ -49,7 +49,8 @@ def make_record():
 
 
 def _make_film(*records) -> Film:
-    return Film([Performance(f"network {i}", record, 0.05) for i, record in enumerate(records)], 4, SIZE)
+    trials = len(records[0].hand) // records[0].n_arms
+    return Film([Performance(f"network {i}", record, 0.05) for i, record in enumerate(records)], 4, SIZE, trials)
 
 
 @pytest.fixture(scope="session")

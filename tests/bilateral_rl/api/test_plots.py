@@ -261,3 +261,18 @@ def test_figures_of_one_arm_take_one_hand(ax):
     arrays = recording.arrays | {"lesion": np.array(["intact", "callosum"] * 2)}
     with pytest.raises(UserError, match="both hands after several lesions"):
         brl.plot_speeds(dataclasses.replace(recording, arrays=arrays))
+
+
+def test_curves_by_hand_have_a_line_for_each_hand_in_each_role(loaded, ax):
+    curves = loaded.curves()
+    with pytest.raises(
+        UserError, match="no goal_completion_percent by hand, as trainings of two arms have: leave `by_"
+    ):
+        brl.plot_curves(curves, by_hand=True)
+    measures = {"dominant_reach": 30.0, "non_dominant_reach": 20.0, "dominant_hold": np.nan}
+    curves = curves.assign(**{f"goal_completion_percent_of_{of}": value for of, value in measures.items()})
+    brl.plot_curves(curves, ax, by_hand=True)
+    drawn = {line.get_label(): line.get_ydata()[0] for line in ax.lines if not str(line.get_gid()).endswith("tail")}
+    assert drawn == {"dominant hand, reach": 30.0, "non-dominant hand, reach": 20.0}
+    with pytest.raises(UserError, match=r"several models \(cc_s, bi_s\): draw one"):
+        brl.plot_curves(pd.concat([curves, curves.assign(model="bi_s")]), by_hand=True)

@@ -24,7 +24,7 @@ SIGNATURES = {
     "plot_blocks": "(blocks, ax=None, *, measure='deviation_at_peak_speed')",
     "plot_center_out": "(recording, ax=None, *, seed=None, lesion=None)",
     "plot_channel": "(recording, ax=None, *, seed=None, lesion=None)",
-    "plot_curves": "(curves, ax=None, *, measure=None)",
+    "plot_curves": "(curves, ax=None, *, measure=None, by_hand=False)",
     "plot_lesions": "(results, ax=None, *, metric=None, model=None)",
     "plot_muscles": "(recording, ax=None, *, seed=None, lesion=None)",
     "plot_paths": "(recording, ax=None, *, trials=12, seed=None, lesion=None)",

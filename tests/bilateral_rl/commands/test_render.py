@@ -25,7 +25,7 @@ def test_an_mp4_plays_anywhere_and_shows_what_was_drawn(show, bptt_run, apart):
     assert video.pictures.shape == (2 * (STEPS + 1 + PAUSE), SIZE, SIZE, 3)
     actor = Actor.load(f"{bptt_run.path}:1", "final")
     evaluator = Evaluator("random_reach", actor.config.trial, 2, seed=7)
-    film = Film([actor.perform(evaluator, "intact", 0.05, *labels([actor], "intact"))], 4, SIZE)
+    film = Film([actor.perform(evaluator, "intact", 0.05, *labels([actor], "intact"))], 4, SIZE, 2)
     for shown, drawn in zip(video.pictures, film, strict=True):
         assert apart(shown, drawn) < 0.001
         assert np.abs(shown.astype(int) - drawn).mean() < 1.5

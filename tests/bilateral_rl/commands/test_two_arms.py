@@ -15,6 +15,7 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.training.lesion_probe import LesionProbe
 from bilateral_rl.training.probe_table import PROBE, read_probe
 from bilateral_rl.training.run import train
+from bilateral_rl.video import files
 from bilateral_rl.vocabulary import SIDES
 
 HANDS = [(hand, role) for hand in SIDES for role in ("reach", "hold")]
@@ -141,3 +142,27 @@ def test_a_published_run_says_what_each_hand_is_judged_by(invoke, run, tmp_path)
             1,
             2,
         )  # the head has those with a value
+
+
+def test_a_video_shows_as_many_trials_as_asked_for_and_is_broad(invoke, run, tmp_path, monkeypatch):
+    films = []
+    monkeypatch.setattr(files, "write", lambda path, film, *_: films.append(film))
+    invoke("render", run.path, "--trials", 1, "--size", 320, "--out", tmp_path / "arms.gif")
+    (film,) = films
+    assert (film.trials, film.fps) == (1, 25)
+    height, width = film.shape
+    assert (height, width % 2) == (320, 0)
+    assert width > 1.3 * height
+    assert {one.role for one in film.performances[0].scene(0, 0, "").arms} == {"reach", "hold"}
+
+
+def test_a_recording_has_both_arms_and_its_trials_come_in_pairs(invoke, run, tmp_path):
+    path = tmp_path / "arms.csv"
+    invoke("record", run.path, "--trials", 4, "--out", path)
+    table = pd.read_csv(path)
+    assert {"role_dominant", "hand_non_dominant_x_m", "spring_force_dominant_y_N"} <= {*table}
+    assert (table["hand_dominant_x_m"][table["step"] == 0] > 0.04).all()
+    other = tmp_path / "odd.csv"
+    with pytest.raises(UserError, match="must be even, got 5"):
+        invoke("record", run.path, "--trials", 5, "--out", other)
+    assert not other.exists()
