@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from bilateral_rl.analysis.kinematics import hand_speed
-from bilateral_rl.analysis.metric import ROLES, Metric, mean
+from bilateral_rl.analysis.metric import ROLES, Metric, Role, mean
 from bilateral_rl.analysis.metrics import measure
 from bilateral_rl.analysis.trial_parts import chosen
 from bilateral_rl.analysis.trial_plans import CONDITIONS, NULL_FIELD
@@ -91,10 +91,17 @@ def _hands(labels: Sequence[str], record: TrialRecord) -> Iterator[tuple[dict[st
 def _phases(record: TrialRecord) -> Iterator[dict[str, object]]:
     """Before the cue a hold; from the cue on a reach, or a hold that goes on where the target is the start."""
     after = np.arange(record.distance.shape[1]) >= record.plan.go[:, None]
-    stays = np.isnan(record.plan.target_angle).all()
-    for phase, steps in (("hold", ~after), ("hold" if stays else "reach", after)):
+    for phase, steps in (("hold", ~after), *_after_the_cue(record, after)):
         if steps.any():
-            yield {"phase": phase, "trials": int(steps.any(axis=1).sum())} | _of_phase(record, steps)
+            yield {"phase": phase, "trials": int(steps.any(axis=1).sum()), **_of_phase(record, steps)}
+
+
+def _after_the_cue(record: TrialRecord, steps: NDArray[np.bool_]) -> Iterator[tuple[Role, NDArray[np.bool_]]]:
+    """Yield what hands do in the steps (n, T) after the cue; where one arm reaches in any trial, that is a reach."""
+    role = record.plan.role
+    if record.n_arms == 1:
+        role = np.full(len(role), "hold" if (role == "hold").all() else "reach")
+    return ((name, steps & (role == name)[:, None]) for name in ROLES)
 
 
 def _of_phase(record: TrialRecord, steps: NDArray[np.bool_]) -> dict[str, float]:

@@ -10,6 +10,10 @@ from bilateral_rl.analysis.both_ways import OddTrialsError
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.envs import TrialSettings
+from bilateral_rl.envs.experiments.experiment import Arms
+from bilateral_rl.envs.experiments.files import experiment_named
+from bilateral_rl.envs.experiments.forces import Forces
+from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.envs.two_arms import SpringSettings, TwoArmSettings
 from bilateral_rl.policies import make_network
 from bilateral_rl.vocabulary import SIDES
@@ -42,9 +46,23 @@ def per_trial(values):
     return values.reshape(-1, 2, *values.shape[1:])
 
 
-def test_the_arms_change_places_in_every_other_trial_to_the_bit():
+def in_unlike_fields():
+    """An experiment with a field on each hand, of which one is three times the other, and targets from lists."""
+    experiment = experiment_named("bimanual_curl_field")
+    weak = dataclasses.replace(experiment.arms.dominant, forces=Forces(curl=5.0))
+    return ExperimentTask(dataclasses.replace(experiment, exchange=0.5, arms=Arms(weak, experiment.arms.non_dominant)))
+
+
+@pytest.mark.parametrize("task", [lambda: "reach_and_hold", in_unlike_fields])
+def test_the_arms_change_places_in_every_other_trial_to_the_bit(task):
     alone = dataclasses.replace(NOISY, two_arms=TwoArmSettings())  # a spring's force is rounded in one arm's frame
-    record = Evaluator("reach_and_hold", alone, 6, seed=3).run(Ambidextrous())
+    record = Evaluator(task(), alone, 6, seed=3).run(Ambidextrous())
+    if record.plan.is_of_experiment:
+        assert np.ptp(record.plan.target_index) > 0
+        assert (record.field_force != 0).any()
+    for name in ("target_index", "condition", "goal"):
+        values = per_trial(getattr(record.plan, name))
+        np.testing.assert_array_equal(values[1::2], values[::2, ::-1], err_msg=name)
     for field in dataclasses.fields(TrialRecord):
         values = getattr(record, field.name)
         if isinstance(values, np.ndarray):
@@ -99,4 +117,4 @@ def test_the_sides_exchange_the_noise_of_their_hidden_units():
     evaluator = Evaluator("two_reaches", TrialSettings(trial_length=3), 4, seed=0)
     network = make_network("bilateral", 40, 12, units=6, hidden_noise=0.1, n_arms=2)
     noise = evaluator.hidden_noise(network).reshape(2, 2, 3, 2, 2, 3)  # pair, way, step, layer, side, unit
-    torch.testing.assert_close(noise[:, 1], noise[:, 0].flip(dims=(3,)), rtol=0, atol=0)
+    assert torch.equal(noise[:, 1], noise[:, 0].flip(dims=(3,)))

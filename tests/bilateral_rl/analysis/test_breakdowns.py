@@ -76,6 +76,13 @@ def test_by_target_two_hands_are_told_apart_and_a_hand_that_holds_has_none():
     np.testing.assert_allclose(table["target_angle_deg"], [0, 180])
 
 
+def test_phases_of_two_arms_tell_hands_that_reach_from_those_that_hold():
+    table = breakdown(two_hands(), "phase", [])
+    assert table["phase"].tolist() == ["reach", "hold"]
+    assert table["trials"].tolist() == [2, 2]
+    assert table["error_cm"].tolist() == pytest.approx([4.47, 0.75], rel=1e-3)
+
+
 def test_one_arm_has_no_hands_to_tell_apart(record):
     with pytest.raises(UserError, match="--by hand,role tells two hands apart"):
         breakdown(record, "hand,role", METRICS)
