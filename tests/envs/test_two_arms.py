@@ -2,17 +2,31 @@
 
 from typing import NamedTuple
 
+import gymnasium
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from rich_tasks import RICH_SETTINGS, RichPair
 from skeletons import jacobian, kinetic_energy
 
-from bilateral_rl.envs import TASKS, ArmEnv, ArmParameters, HoldPosition, Task, TrialBatch, TrialSettings, TwoHolds
-from bilateral_rl.envs.body_frame import in_body_frame, vectors_between_frames
+from bilateral_rl.envs import (
+    TASKS,
+    ArmEnv,
+    ArmParameters,
+    ArmVectorEnv,
+    HoldPosition,
+    Task,
+    TrialBatch,
+    TrialSettings,
+    TwoHolds,
+    VectorReward,
+)
+from bilateral_rl.envs.body_frame import in_arm_frames, in_body_frame, in_frame_of_other_arm, vectors_between_frames
 from bilateral_rl.envs.kinematics import hand_position, inverse_kinematics
 from bilateral_rl.envs.task import HandForces, Spring, Timeline, Trials
+from bilateral_rl.envs.vector import VectorReward as ManyRewards
 
 MIRROR = np.diag([-1.0, 1.0])
 APART = 0.36
@@ -255,3 +269,32 @@ def test_reset_options_are_in_the_frame_of_the_body():
     for start in ([0.5, 1.5], [[0.5, 1.5]], [[0.5, 1.5], [0.5, np.nan]]):
         with pytest.raises(ValueError, match="start must be two finite numbers for each of two arms"):
             env.reset(options={"start": start})
+
+
+@given(positions=arrays(np.float64, (2, 2), elements=st.floats(-1, 1)), distance=st.floats(0.1, 1))
+def test_frames_lead_to_each_other_and_back(positions, distance):
+    body = in_body_frame(positions, distance)
+    np.testing.assert_allclose(in_arm_frames(body, distance), positions, atol=1e-15)
+    np.testing.assert_array_equal(vectors_between_frames(vectors_between_frames(positions)), positions)
+    np.testing.assert_allclose(body[0] - positions[0], [distance / 2, 0], atol=1e-15)
+    np.testing.assert_allclose(body[1] - positions[1] @ MIRROR, [-distance / 2, 0], atol=1e-15)
+    seen = in_frame_of_other_arm(positions[::-1], distance)
+    np.testing.assert_allclose(seen - positions, vectors_between_frames(body[::-1] - body), atol=1e-15)
+
+
+def test_pairs_of_rewards_see_both_hands():
+    command = np.linspace(-1, 1, 12, dtype=np.float32)
+
+    def of(distance):
+        return -distance[..., 0], -distance[..., 1]
+
+    one = VectorReward(gymnasium.make("bilateral_rl/TwoReaches-v0"), lambda step: of(step.info["distance"]))
+    many = ManyRewards(ArmVectorEnv(2, "two_reaches"), lambda step: of(step.info["distance"]))
+    one.reset(seed=0)
+    many.reset(seed=0)
+    for _ in range(50):
+        *_, info = one.step(command)
+        *_, infos = many.step(np.tile(command, (2, 1)))
+        np.testing.assert_allclose(info["vector_reward"], -info["distance"], rtol=1e-6)
+        np.testing.assert_allclose(infos["vector_reward"][0], info["vector_reward"], rtol=1e-6)
+    np.testing.assert_allclose(infos["final_info"]["vector_return"][0], info["vector_return"], rtol=1e-5)
