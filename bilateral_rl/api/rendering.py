@@ -68,7 +68,7 @@ def render(
         lesion: "intact", or the name of a lesion, for every network.
         weights: "final", "best" or "step_…": which of the runs' weights.
         slow_down: seconds of video for a second of the arm's.
-        size: side of each network's picture (pixels, even).
+        size: height of each network's picture (pixels, even), and its width where there is one arm.
         task: of runs that learned a class of yours, that class, as "module:Class", whose code is then run.
         progress: whether a bar shows how it comes along, or the rich console where it does.
 

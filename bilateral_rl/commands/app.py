@@ -334,7 +334,7 @@ def render(
     lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",
     weights: Weights = "final",
     slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
-    size: Annotated[int, typer.Option(help="Side of each picture (pixels).")] = 480,
+    size: Annotated[int, typer.Option(help="Height of each picture (pixels).")] = 480,
     task: CodeTask = None,
 ) -> None:
     """Make a video of trained models doing the same trials, muscles colored by activation."""

@@ -36,7 +36,7 @@ def render(
         lesion: "intact" or a lesion of the paper (section 6), for every network.
         weights: which of each run's weights.
         slow_down: seconds of video for a second of the arm's time.
-        size: side of each network's picture (pixels, even).
+        size: height of each network's picture (pixels, even), and its width where there is one arm.
         task: the class that the runs learned, whose code may be run; None for nothing.
         console: where to print.
 
