@@ -7,6 +7,7 @@ from typing import Any
 
 from bilateral_rl.analysis.goals import JUDGED_RADII
 from bilateral_rl.analysis.protocols import Protocol
+from bilateral_rl.config.catalogue import ALGORITHMS
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.study.folder import MACHINE_SETTINGS
 from bilateral_rl.study.plan import SET_BY_STUDY, Study, is_supervised
@@ -53,6 +54,7 @@ def check_fits(reading: AnyReading, study: Study) -> None:
     """Raise a UserError if a reading asks for what the study's profile or algorithm leaves no room for."""
     _check_fixed(reading, study)
     if isinstance(reading, HandReading):
+        _check_algorithm(reading, study)
         for protocol in (reading.callosum, reading.deep):
             _check_protocol(reading, protocol, study)
         return
@@ -77,6 +79,16 @@ def _check_fixed(reading: AnyReading, study: Study) -> None:
     if fixed:
         raise UserError(
             f"The reading {reading.name} cannot change {fixed[0]}, which is the study's to choose; leave it out."
+        )
+
+
+def _check_algorithm(reading: HandReading, study: Study) -> None:
+    """Raise a UserError for settings of the training by another algorithm than the study's."""
+    named = {name for task in study.tasks for name in reading.training_of(task)} & ALGORITHMS.keys()
+    if named - {study.algo}:
+        raise UserError(
+            f"The reading {reading.name} changes the training by {', '.join(sorted(named))}, and this study trains by "
+            f"{study.algo}; leave it out, or --algo."
         )
 
 

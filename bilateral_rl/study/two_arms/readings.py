@@ -27,6 +27,7 @@ _TRAINED = {
     "network.ipsilateral_share": "ipsilateral share",
     "network.trained_combination": "combination weights are trained",
     "network.units": "units of a layer",
+    "bptt.penalty_coefficient": "λ of the weight penalty",
     _SPRING: "spring in training (N/m)",
 }
 """Settings of trainings that shipped readings differ in, in words."""

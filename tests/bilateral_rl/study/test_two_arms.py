@@ -17,7 +17,8 @@ from bilateral_rl.study.reproduction import conclude
 from bilateral_rl.study.two_arms.readings import HAND_FILES, usual_readings
 
 FOUR = ("bi_ns", "bi_s", "cc_ns", "cc_s")
-NEED_TRAININGS = {"share-0", "share-0.3", "trained-combination", "units-10", "spring-0", "spring-100"}
+PENALTIES = {"penalty-0.0001", "penalty-0.00003", "penalty-none"}
+NEED_TRAININGS = PENALTIES | {"share-0", "share-0.3", "trained-combination", "units-10", "spring-0", "spring-100"}
 
 
 def grid(readings=None, **study):
@@ -94,9 +95,11 @@ def test_what_divides_hemispheres_is_not_asked_of_one_network():
     assert not made.readings[1].criteria(other.config).has_path
 
 
-def test_readings_change_the_trainings_of_any_algorithm():
-    _, left_out = readings_for(Study(subject="two_arms", algo="ppo"), ["all"])
-    assert left_out == []
+def test_readings_change_the_trainings_of_any_algorithm_but_by_its_own_settings():
+    study = Study(subject="two_arms", algo="ppo")
+    assert set(readings_for(study, ["all"])[1]) == PENALTIES
+    with pytest.raises(UserError, match="penalty-none changes the training by bptt, and this study trains by ppo"):
+        grid(["penalty-none"], algo="ppo")
 
 
 @pytest.mark.parametrize(
