@@ -110,7 +110,8 @@ def _check_forces(assignment: Assignment, arm: StandingArm) -> None:
                 arm.physics,
             )
         except ValueError as error:
-            raise UnfitExperimentError(f"forces.{name}", str(error)) from None
+            frame = "" if arm.outward > 0 else "in the arm's own frame, "
+            raise UnfitExperimentError(f"forces.{name}", f"{frame}{error}") from None
 
 
 def _check_times(assignment: Assignment, length: int) -> None:

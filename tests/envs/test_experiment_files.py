@@ -78,7 +78,7 @@ BROKEN_ARMS = {
     "an unstable field": (
         left("    target: start\n    forces: {curl: 2000}\n"),
         6,
-        "arms.non_dominant.forces.curl: a velocity field of",
+        "arms.non_dominant.forces.curl: in the arm's own frame, a velocity field of [[0, -2000], [2000, 0]]",
     ),
     "both one arm and two": (ARMS + START, 4, "start must stand under arms.dominant and arms.non_dominant"),
     "an exchange of one arm": (HEAD + "exchange: 0.5\n", 3, "exchange has no effect on one arm"),
