@@ -123,7 +123,10 @@ def draw_above(canvas: Canvas, arm: ArmParameters, scene: ArmScene, look: Look) 
     if scene.role != "hold":
         for offset in ((0.01, 0.0), (0.0, 0.01)):
             canvas.line(np.stack((np.subtract(scene.target, offset), np.add(scene.target, offset))), look.goal, 1.5)
-    hand, load = scene.joints(arm)[-1], np.asarray(scene.load, dtype=float)
+    load = np.asarray(scene.load, dtype=float)
+    if scene.forces is None and not load.any():
+        return
+    hand = scene.joints(arm)[-1]
     if load.any():
         _draw_load(canvas, hand, load)
     if scene.forces is not None:
