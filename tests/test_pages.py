@@ -69,6 +69,13 @@ def test_the_page_on_commands_has_a_section_for_each():
     assert sections == list(typer.main.get_group(app).commands)
 
 
+def test_the_page_on_the_study_of_two_arms_names_its_readings():
+    table = re.search(r"^\| reading \|.*?\n\n", TEXTS["docs/two_arms_study.md"], re.DOTALL | re.MULTILINE)[0]
+    named = [name for row in table.splitlines()[2:] if row for name in re.findall(r"`([\w.-]+)`", row.split("|")[1])]
+    files = (ROOT / "bilateral_rl" / "readings" / "two_arms").glob("*.yaml")
+    assert sorted(named) == sorted(path.stem for path in files)
+
+
 def test_there_are_scripts():
     assert len(BLOCKS) >= 5
     assert len(EXAMPLES) >= 7
