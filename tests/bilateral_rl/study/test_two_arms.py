@@ -17,7 +17,7 @@ from bilateral_rl.study.reproduction import conclude
 from bilateral_rl.study.two_arms.readings import HAND_FILES, usual_readings
 
 FOUR = ("bi_ns", "bi_s", "cc_ns", "cc_s")
-PENALTIES = {"penalty-0.0001", "penalty-0.00003", "penalty-none"}
+PENALTIES = {"penalty-0.001", "penalty-0.00003", "penalty-none"}
 NEED_TRAININGS = PENALTIES | {"share-0", "share-0.3", "trained-combination", "units-10", "spring-0", "spring-100"}
 
 
