@@ -8,6 +8,7 @@ import sys
 import time
 
 from bilateral_rl.commands import app as cli
+from bilateral_rl.training import one_seed
 
 TIMEOUT = 120.0
 
@@ -50,6 +51,31 @@ def command(*arguments):
     return 0
 
 
+class CopiedSeed:
+    """The process of one seed as its run starts it, but as a copy of one that has imported everything.
+
+    Args:
+        arguments: of ``subprocess.Popen``, of which the last is the folder of the seed.
+        options: likewise; not needed here.
+    """
+
+    def __init__(self, arguments, **options):
+        stdin, ask = _processes.Pipe(duplex=False)
+        hear, stdout = _processes.Pipe(duplex=False)
+        self._process = _processes.Process(target=_train_seed, args=(arguments[-1], stdin, stdout), daemon=True)
+        self._process.start()
+        self.stdin, self.stdout = os.fdopen(os.dup(ask.fileno()), "w"), os.fdopen(os.dup(hear.fileno()))
+        for end in (stdin, ask, hear, stdout):
+            end.close()
+
+    def kill(self):
+        self._process.kill()
+
+    def wait(self):
+        self._process.join()
+        return self._process.exitcode
+
+
 def wait_until(condition, process, output, pause=0.001):
     deadline = time.monotonic() + TIMEOUT
     while not condition():
@@ -68,6 +94,16 @@ def _call(function, arguments, output):
     os.dup2(handle, 1)
     os.dup2(handle, 2)
     sys.exit(function(*arguments))
+
+
+def _train_seed(folder, stdin, stdout):
+    os.setsid()
+    os.dup2(stdin.fileno(), 0)
+    os.dup2(stdout.fileno(), 1)
+    stdin.close()
+    stdout.close()
+    sys.stdin, sys.argv = os.fdopen(0), ["one_seed", folder]
+    sys.exit(one_seed.main())
 
 
 def _limited_command(arguments, largest_file):

@@ -7,10 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
-from processes import TIMEOUT, finished, started, wait_until
+from processes import TIMEOUT, CopiedSeed, finished, started, wait_until
 from rl_runs import differences, small_rl
 from supervised_runs import Watch, with_values
 
@@ -27,7 +28,25 @@ FIRST, SECOND = SEEDS
 
 
 @pytest.fixture(scope="module")
-def config():
+def processes():
+    """The processes of seeds of trainings of this process, in the order in which they start.
+
+    They begin as copies: to import everything takes longer than these trainings. The command that is killed starts
+    them as its users' does.
+    """
+    begun = []
+
+    def start(*arguments, **options):
+        begun.append(CopiedSeed(*arguments, **options))
+        return begun[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(side_by_side, "subprocess", SimpleNamespace(Popen=start, PIPE=subprocess.PIPE))
+        yield begun
+
+
+@pytest.fixture(scope="module")
+def config(processes):
     return small_rl("ppo", seed=FIRST, seeds=2)
 
 
@@ -130,31 +149,17 @@ class Assassin(Watch):
 
     def __init__(self, processes, out):
         super().__init__()
-        self._processes, self._out = processes, out
+        self._processes, self._first, self._out = processes, len(processes), out
         self.statuses = []
 
     def on_step(self, done):
         super().on_step(done)
         if done:
-            self._processes[0].kill()
+            self._processes[self._first].kill()
 
     def on_evaluation(self, done, measures):
         super().on_evaluation(done, measures)
         self.statuses += [folder.status() for folder in find_runs(self._out)]
-
-
-@pytest.fixture
-def processes(monkeypatch):
-    """The processes of the seeds, in the order in which they start."""
-    begun, popen = [], subprocess.Popen
-
-    def start(*arguments, **options):
-        process = popen(*arguments, **options)
-        begun.extend([process] if "bilateral_rl.training.one_seed" in arguments[0] else [])
-        return process
-
-    monkeypatch.setattr(side_by_side.subprocess, "Popen", start)
-    return begun
 
 
 def test_a_training_is_not_finished_if_the_process_of_a_seed_ends_early(config, tmp_path, processes):
