@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.doors import checked_seed, numbers, settings_for
-from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.infos import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
@@ -118,10 +118,12 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     ## Info
 
     ``vector_reward`` (2,) and ``distance`` to the target (m) at every step; at the trial's last step also
-    ``vector_return`` (2,), ``is_success`` (goal completion), ``speed_to_goal`` (m/step, NaN if not reached),
-    ``time_in_goal`` (steps) and ``final_error`` (m), as defined in ``envs/measures.py``. They count from the onset of
-    the last target; without a cue, success is to stay. ``env.batch.force`` is the force on the hand in the last step.
-    Of two arms distance and measures are (2,), with ``goal_completion`` (2,) among them, and success is that of both.
+    ``vector_return`` (2,), ``is_success``, ``speed_to_goal`` (m/step, NaN if not reached), ``time_in_goal`` (steps)
+    and ``final_error`` (m), as defined in ``envs/measures.py``. Success of a hand that reaches is goal completion, that
+    of a hand that holds, whose goal is its start, to be within the threshold after the last step. They count from the
+    onset of the last target; without a cue, success is to stay. ``env.batch.force`` is the force on the hand in the
+    last step. Of two arms distance and measures are (2,), and success is that of both hands; ``goal_completion`` (2,)
+    is among them, and means nothing for a hand that holds, which starts in its goal.
 
     Args:
         task: ``"random_reach"``, ``"hold_position"``, of two arms ``"two_reaches"``, ``"reach_and_hold"`` or

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv
 from bilateral_rl.envs.doors import checked_seed, settings_for
-from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.infos import final_infos
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import SceneView, render_fps
 from bilateral_rl.envs.tasks import TaskLike, make_task
@@ -38,8 +38,9 @@ class ArmVecEnv(RunningArms, VecEnv):
     - ``episode``: return ``r``, length ``l`` and time ``t`` as SB3's ``Monitor`` writes them, and the streams' returns
       ``dominant`` and ``non_dominant``;
     - ``vector_return`` (2,): the dominant and the non-dominant stream's return;
-    - ``is_success``: goal completion; ``speed_to_goal`` (m/step, NaN if not reached), ``time_in_goal`` (steps),
-      ``final_error`` (m). Of two arms these three are (2,), and so is ``goal_completion``; success is that of both.
+    - ``is_success``: goal completion, or, of a hand that holds, being within the threshold after the last step;
+      ``speed_to_goal`` (m/step, NaN if not reached), ``time_in_goal`` (steps), ``final_error`` (m). Of two arms these
+      three are (2,), and so is ``goal_completion``, which means nothing for a hand that holds; success is that of both.
 
     Infos of arms in the middle of a trial are empty; the step's vector reward is :attr:`last_vector_reward`.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.arm.parameters import N_MUSCLES
 from bilateral_rl.envs.arm_env import ArmEnv, with_time_limit
 from bilateral_rl.envs.doors import checked_seed, settings_for, whole_number
-from bilateral_rl.envs.measures import final_infos
+from bilateral_rl.envs.infos import final_infos
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import MAX_DRAWN, SceneView, render_fps

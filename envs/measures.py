@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from bilateral_rl.envs.doors import numbers
 from bilateral_rl.envs.refusals import shown
 
-if TYPE_CHECKING:
-    from bilateral_rl.envs.trials import TrialBatch
-
 STEPS_TO_COMPLETE = 3
 """Consecutive steps within the threshold that complete a reach."""
-_IN_INFOS = ("speed_to_goal", "time_in_goal", "final_error")
 
 
 class TrialMeasures(NamedTuple):
@@ -23,7 +19,8 @@ class TrialMeasures(NamedTuple):
 
     goal_completion: NDArray[np.bool_]
     """(n,): whether the hand came within the threshold and stayed for three consecutive steps; in a trial without a
-    cue, whether it never left the threshold."""
+    cue, whether it never left the threshold. Of a hand that starts in its goal it says nothing: its first three steps
+    complete it."""
     speed_to_goal: NDArray[np.float64]
     """(n,): distance to the target at the onset (m) over the steps from there until the goal was reached, the first of
     those three steps counted; NaN where it never was, and where there is no such distance, as in a hold."""
@@ -100,25 +97,6 @@ def _checked_onset(onset: ArrayLike, distance: NDArray[np.float64]) -> NDArray[n
     if steps.shape != (n,) or (steps > length).any() or (steps < 0).any():
         raise ValueError(f"onset must be {n} steps from 0 to {length}, got {shown(steps)}.")
     return steps.astype(np.int64)
-
-
-def final_infos(batch: TrialBatch, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
-    """Return what the environments' infos say at the end of the trials of ``arms``, one dictionary a trial.
-
-    Of two arms each measure is (2,), the dominant hand's first, and both hands complete their goals in a success.
-    """
-    hands = batch.hands(arms)
-    onset = batch.onset[hands] if batch.task.has_timeline else None
-    measures = trial_measures(batch.distance[hands], batch.start_distance[hands], batch.settings.threshold, onset)
-    columns: dict[str, list[Any]] = {"vector_return": list(batch.vector_return[arms])}
-    if batch.n_arms == 1:
-        columns["is_success"] = measures.goal_completion.tolist()
-        columns |= {name: getattr(measures, name).tolist() for name in _IN_INFOS}
-    else:
-        of_hands = {name: getattr(measures, name).reshape(-1, 2) for name in ("goal_completion", *_IN_INFOS)}
-        columns["is_success"] = of_hands["goal_completion"].all(axis=1).tolist()
-        columns |= {name: list(values) for name, values in of_hands.items()}
-    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
 def _runs_start(inside: NDArray[np.bool_], length: int) -> NDArray[np.bool_]:

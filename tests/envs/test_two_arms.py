@@ -258,6 +258,17 @@ def test_a_success_takes_both_hands_and_measures_are_by_hand():
     np.testing.assert_allclose(info["distance"], info["final_error"])
 
 
+def test_hands_that_hold_succeed_by_being_in_their_goals_at_the_end():
+    env, still, away = ArmEnv("two_holds", trial_length=5), np.full(12, -1.0), np.r_[np.full(6, -1.0), [1, -1] * 3]
+    for action, success in ((still, True), (away, False)):
+        env.reset(options={"start": [[0.6, 1.5], [0.6, 1.5]]})
+        for _ in range(5):
+            *_, info = env.step(action)
+        assert info["is_success"] is success
+        assert (info["final_error"] <= 0.05).tolist() == [True, success]
+        assert info["goal_completion"].tolist() == [True, True]  # by the first three steps
+
+
 def test_reset_options_are_in_the_frame_of_the_body():
     env = ArmEnv("reach_and_hold", two_arms={"shoulder_distance": 0.3})
     places = {"start": [[0.5, 1.5], [0.7, 1.2]], "goal": [[1.0, 0.5], [0.7, 1.2]], "load": [[3.0, -2.0], [1.0, 4.0]]}
