@@ -2,13 +2,17 @@
 
 import re
 import shlex
+import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import pytest
+from processes import CopiedJob
 from typer.testing import CliRunner
 
 from bilateral_rl.commands.app import app
+from bilateral_rl.study import process
 
 FOLDER = Path(__file__).parents[1] / "docs" / "tutorials"
 NOTEBOOKS = {"recordings"}
@@ -41,6 +45,18 @@ def workshop(tmp_path_factory):
         patch.chdir(folder)
         do(blocks("train-and-lesion")[0], {})
     return folder
+
+
+@pytest.fixture(autouse=True)
+def copied_jobs(monkeypatch):
+    """Jobs but the first begin as copies of a process that has imported everything, which takes longer than the job."""
+    starts = iter([subprocess.Popen])
+    named = {name: getattr(subprocess, name) for name in ("DEVNULL", "STDOUT")}
+
+    def start(*arguments, **options):
+        return next(starts, CopiedJob)(*arguments, **options)
+
+    monkeypatch.setattr(process, "subprocess", SimpleNamespace(Popen=start, **named))
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.md")))

@@ -6,15 +6,21 @@ import os
 import resource
 import sys
 import time
+from multiprocessing.connection import Connection
+
+import torch
 
 from bilateral_rl.commands import app as cli
+from bilateral_rl.study import entry
 from bilateral_rl.training import one_seed
 
 TIMEOUT = 120.0
 
 _processes = multiprocessing.get_context("forkserver")
 # Importing everything takes seconds: one process does it, and every command is a copy of it.
-_processes.set_forkserver_preload(["bilateral_rl.commands.train", "bilateral_rl.commands.evaluate"])
+_processes.set_forkserver_preload(
+    ["bilateral_rl.commands.train", "bilateral_rl.commands.evaluate", "bilateral_rl.study.model_job"]
+)
 
 
 @contextlib.contextmanager
@@ -76,6 +82,32 @@ class CopiedSeed:
         return self._process.exitcode
 
 
+class CopiedJob:
+    """The process of a job as its study starts it, likewise a copy.
+
+    Args:
+        arguments: of ``subprocess.Popen``, of which the last is the number of the job's end of a pipe.
+        stdout: the open log.
+        options: not needed here.
+    """
+
+    def __init__(self, arguments, stdout, **options):
+        with Connection(os.dup(int(arguments[-1]))) as pipe:
+            self._process = _processes.Process(target=_do_job, args=(pipe, stdout.name), daemon=True)
+            self._process.start()
+        self.pid = self._process.pid
+
+    def poll(self):
+        return self._process.exitcode
+
+    def wait(self):
+        self._process.join()
+        return self._process.exitcode
+
+    def send_signal(self, number):
+        os.kill(self.pid, number)
+
+
 def wait_until(condition, process, output, pause=0.001):
     deadline = time.monotonic() + TIMEOUT
     while not condition():
@@ -104,6 +136,17 @@ def _train_seed(folder, stdin, stdout):
     stdout.close()
     sys.stdin, sys.argv = os.fdopen(0), ["one_seed", folder]
     sys.exit(one_seed.main())
+
+
+def _do_job(pipe, log):
+    os.setsid()
+    handle = os.open(log, os.O_WRONLY | os.O_APPEND)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    torch.set_num_threads(1)
+    sys.argv = ["entry", str(os.dup(pipe.fileno()))]
+    pipe.close()
+    sys.exit(entry.main())
 
 
 def _limited_command(arguments, largest_file):
