@@ -64,7 +64,9 @@ WORDS: dict[Subject, Words] = {
         of_claims="of the",
         gaps="The design leaves choices open; each way to make them is a reading. The",
         reading="A reading is one way to make a choice that the design leaves open; what decides under “default” was "
-        "written down before any result, and everything else stands beside it.",
+        "written down before any result, and everything else stands beside it; but for two rules that a review with "
+        "made-up results made stricter: B3 asks that neither hand is worse in its own role, and B6 that each deficit "
+        "is greater after its own lesion than after the other.",
         rule=_VERDICTS + "What the claims' words leave open, we set before they were computed: "
         f"{_MATTERS}; absence of an interaction is less than ±{100 * margins.LITTLE:g} % of the mean. A reach is "
         "called straight by its maximal perpendicular deviation until the hand first comes within 2 cm of the target, "

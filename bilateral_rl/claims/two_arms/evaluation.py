@@ -43,7 +43,7 @@ CLAIMS: dict[str, OnHands] = {
     ),
     "B3": OnHands(
         "Specialized models show an interaction of hand and role, B1 and B2 together: errors are smaller where each "
-        "hand has its own role (complementary dominance).",
+        "hand has its own role, and neither is worse in it (complementary dominance).",
         hands.interaction,
     ),
     "B4": OnHands(
@@ -59,8 +59,8 @@ CLAIMS: dict[str, OnHands] = {
     ),
     "B6": OnHands(
         "After a deep lesion the ipsilesional arm shows the lost side's deficit: after a dominant lesion its "
-        "trajectories suffer, after a non-dominant one its final position; without spring (Schaefer et al. 2007 and "
-        "2009).",
+        "trajectories suffer, after a non-dominant one its final position, each more than after the other lesion; "
+        "without spring (Schaefer et al. 2007 and 2009).",
         lesioned.lost_side_shows,
         lesioned.lesions_judged_otherwise,
     ),

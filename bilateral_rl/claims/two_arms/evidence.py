@@ -27,7 +27,11 @@ NOT_LEARNED = 50.0
 having learned: it stays on the plateau of keeping both hands where they are, or still flings them about [ours]."""
 OTHER: dict[Side, Side] = {SIDES[0]: SIDES[1], SIDES[1]: SIDES[0]}
 """The other hand, or the other hemisphere."""
+UNSTEADY = 5.0
+"""RMS error of holds (cm) above which, with either hand, a network counts as not having learned to hold [ours]."""
 NONE = Protocol("none").name
+_LEARNED: dict[Role, str] = {"reach": "goal_completion_5cm", "hold": "hold_rms_error"}
+"""What tells whether a network learned, by role."""
 _STATE = ("metric", "task", "model", "lesion", "protocol", "network")
 """Columns that together name a sample."""
 
@@ -113,13 +117,20 @@ class HandEvidence:
         return sorted(map(int, values.index))
 
     def not_learned(self, model: str) -> list[int]:
-        """Return the seeds whose intact network never learned the task (:data:`NOT_LEARNED`), in rising order."""
+        """Return the seeds whose intact network never learned the task, in rising order.
+
+        By :data:`NOT_LEARNED`, or in a task without reaches by :data:`UNSTEADY`.
+        """
         if model not in self._not_learned:
-            names = [metric_of_hand("goal_completion_5cm", self.task, hand, "reach") for hand in SIDES]
-            completed = [self._raw(name, State(self.task, model), None) for name in names]
-            table = pd.concat(completed, axis=1, join="outer").min(axis=1)
-            self._not_learned[model] = sorted(map(int, table.index[table < NOT_LEARNED]))
+            role: Role = "reach" if "reach" in make_task(self.task).roles else "hold"
+            values = [self._intact(_LEARNED[role], model, hand, role) for hand in SIDES]
+            table = pd.concat(values, axis=1, join="outer")
+            failed = table.min(axis=1) < NOT_LEARNED if role == "reach" else table.max(axis=1) > UNSTEADY
+            self._not_learned[model] = sorted(map(int, failed.index[failed]))
         return self._not_learned[model]
+
+    def _intact(self, measure: str, model: str, hand: Side, role: Role) -> pd.Series:
+        return self._raw(metric_of_hand(measure, self.task, hand, role), State(self.task, model), None)
 
     def left_out(self, models: Sequence[str]) -> str:
         """Say in words which networks of these models never learned and are left out; "" if none."""

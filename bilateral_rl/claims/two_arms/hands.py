@@ -4,8 +4,9 @@ Hands of one network are paired by seed; the tests of a claim are one family, ad
 
 The interaction of hand and role sets errors in each hand's own role against those in the other's: the deviation of
 reaches and the error of holds, each as a share of both hands' mean in the same network, so that either counts alike.
-The dominant hand's own role is to reach, the other's to hold. Their difference is half the sum of what B1 and B2 state;
-a hand that is better at both adds nothing to it.
+The dominant hand's own role is to reach, the other's to hold. Their difference is half the sum of what B1 and B2 state.
+A hand that is as much better at both adds nothing to it; one that is better at both, but unequally so, would, and is a
+global advantage all the same. So the interaction is complementary only if neither hand is worse in its own role.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import replace
 import pandas as pd
 
 from bilateral_rl.analysis.formats import mean_sd
+from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.metric import Role
 from bilateral_rl.analysis.results import State
 from bilateral_rl.analysis.samples import finite, join_notes
@@ -85,13 +87,13 @@ def holds_judged_otherwise(evidence: HandEvidence) -> list[Aside]:
 
 
 def interaction(evidence: HandEvidence) -> list[Component]:
-    """B3: errors are smaller where each hand has its own role."""
+    """B3: errors are smaller where each hand has its own role, and neither hand is worse in its own."""
     pairs = [in_roles(evidence, model) for model in SPECIALIZED]
     contrasts = [Contrast(swapped, own, paired=True) for own, swapped in pairs]
     return [
-        _told(evidence, component, model)
+        _complementary(evidence, _told(evidence, component, model), model)
         for component, model in zip(holm_family(contrasts), SPECIALIZED, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def no_interaction(evidence: HandEvidence) -> list[Component]:
@@ -192,6 +194,20 @@ def _told(evidence: HandEvidence, component: Component, model: str) -> Component
             parts.append(f"{hand} hand's advantage in {role} {mean_sd(better, 1, '+')} %")
     words = f"{model}: {', '.join(parts)}" if parts else ""
     return replace(component, note=join_notes(component.note, words, evidence.left_out([model])))
+
+
+def _complementary(evidence: HandEvidence, component: Component, model: str) -> Component:
+    """Support no interaction in which a hand is worse in its own role, by its 95 % interval."""
+    worse = [
+        OWN_ROLE[role]
+        for role, measure in decisive(evidence.criteria)
+        if len(values := finite(advantage(evidence, model, role, measure))) and mean_interval(values).high < 0
+    ]
+    if not worse or component.verdict != "supported":
+        return component
+    better = OTHER[worse[0]].replace("_", "-")
+    note = f"{model}: the {better} hand is better in both roles, which is a global advantage"
+    return replace(component, verdict="not supported", note=join_notes(component.note, note))
 
 
 def _in_control(

@@ -45,19 +45,30 @@ def callosum_judged_otherwise(evidence: HandEvidence) -> list[Aside]:
 
 
 def lost_side_shows(evidence: HandEvidence) -> list[Component]:
-    """B6: the arm on the side of the lesion shows what the lost hemisphere did for it."""
-    return _ipsilesional(evidence, SPECIALIZED, _FREE)
+    """B6: the arm on the side of the lesion shows what the lost hemisphere did for it, and that more than the rest.
+
+    Any damage worsens everything: a deficit is the lost side's if it is greater after this lesion than after the other.
+    """
+    return [*_ipsilesional(evidence, SPECIALIZED, _FREE), *_dissociation(evidence)]
 
 
 def lesions_judged_otherwise(evidence: HandEvidence) -> list[Aside]:
-    """Which deficit is greater after which lesion; the other arm; models that are not specialized; with the spring."""
+    """The deficits alone; the other arm; models that are not specialized; with the spring."""
     asides = [
-        Aside("as a dissociation, each deficit greater after its own lesion", tuple(_dissociation(evidence))),
+        Aside("as deficits alone, of whatever cause", tuple(_ipsilesional(evidence, SPECIALIZED, _FREE))),
         Aside("of the contralesional arm, a sanity check", tuple(_contralesional(evidence))),
-        Aside("of models that are not specialized", tuple(_ipsilesional(evidence, NOT_SPECIALIZED, _FREE))),
+        Aside(
+            "as deficits alone, of models that are not specialized",
+            tuple(_ipsilesional(evidence, NOT_SPECIALIZED, _FREE)),
+        ),
     ]
     if evidence.criteria.spring:
-        asides.append(Aside("with the spring", tuple(_ipsilesional(evidence, SPECIALIZED, evidence.criteria.spring))))
+        asides.append(
+            Aside(
+                "as deficits alone, with the spring",
+                tuple(_ipsilesional(evidence, SPECIALIZED, evidence.criteria.spring)),
+            )
+        )
     return [aside for aside in asides if aside.components]
 
 

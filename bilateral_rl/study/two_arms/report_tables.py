@@ -12,7 +12,7 @@ from bilateral_rl.analysis.intervals import hedges_g, mean_interval
 from bilateral_rl.analysis.metric import ROLES, Role
 from bilateral_rl.analysis.metrics import find_metric
 from bilateral_rl.analysis.protocols import Protocol
-from bilateral_rl.claims.two_arms.evidence import NOT_LEARNED, HandEvidence
+from bilateral_rl.claims.two_arms.evidence import NOT_LEARNED, UNSTEADY, HandEvidence
 from bilateral_rl.claims.two_arms.hands import advantage, decisive
 from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.tasks import make_task
@@ -42,7 +42,8 @@ _LESION_NOTE = (
 )
 _LEARNED_NOTE = (
     f"A network has learned if it completes {NOT_LEARNED:g} % of its reaches or more within 5 cm, with either hand; "
-    "the others are left out of every other number."
+    f"where there are no reaches, if neither hand's RMS error in holds exceeds {UNSTEADY:g} cm. The others are left "
+    "out of every other number."
 )
 
 
