@@ -86,7 +86,7 @@ class World:
         side = lesion.removeprefix("deep_")
         if side in SIDES and role == "reach":
             if side == hand:
-                return 0.3 * mean  # limp
+                return 0.3 * mean  # undriven
             mean *= self.deficits.get((model, side, name), 1.0)
         return mean
 
