@@ -22,7 +22,7 @@ from bilateral_rl.config.parse import Values
 from bilateral_rl.config.seeds import Seeds, parse_seeds
 from bilateral_rl.study.agenda import Step, agenda
 from bilateral_rl.study.answer import Answer
-from bilateral_rl.study.answer_in_words import unjudged_in_words
+from bilateral_rl.study.answer_in_words import notes_in_words, unjudged_in_words
 from bilateral_rl.study.fit import readings_for
 from bilateral_rl.study.folder import claimed_folder
 from bilateral_rl.study.grid import Grid
@@ -65,6 +65,11 @@ class Reproduction:
     def unjudged(self) -> str:
         """Which claims no reading can judge for want of results, in a sentence; empty if there are none."""
         return unjudged_in_words(Answer(self.judgements))
+
+    @property
+    def notes(self) -> str:
+        """What must be known before any verdict is read, such as that no network learned; empty if nothing."""
+        return notes_in_words(Answer(self.judgements))
 
     def __repr__(self) -> str:
         lines = [f"{judgement.reading}: {counts_of(judgement.claims)}" for judgement in self.judgements]
@@ -148,7 +153,7 @@ def reproduce(
     of = algo, profile, names("--models", models), seeds_text(seeds), quick, jobs, fixed, chosen, folder
     plan = make_plan(*of, study, names("--tasks", tasks))
     made = run_plan(plan, ray, progress)
-    tell([*filter(None, [made.unjudged]), *notes_on(made.outcomes, made.unsourced)])
+    tell([*filter(None, [made.notes, made.unjudged]), *notes_on(made.outcomes, made.unsourced)])
     return made
 
 

@@ -130,9 +130,14 @@ class Claim:
     @property
     def note(self) -> str:
         """What is missing and what else readers must know, each thing once; "" if nothing."""
+        return join_notes(*(component.note for component in self.components), self.further_note)
+
+    @property
+    def further_note(self) -> str:
+        """What :attr:`note` says beyond the words of components that have nothing but their note."""
         relearned = ", ".join(dict.fromkeys(name for component in self.components for name in component.relearned))
         return join_notes(
-            *(component.note for component in self.components),
+            *(component.note for component in self.components if component.measured),
             f"no better than a fresh network: {relearned}" if relearned else "",
             *(aside.summary for aside in self.beside),
         )

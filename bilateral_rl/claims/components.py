@@ -9,7 +9,7 @@ import pandas as pd
 
 from bilateral_rl.analysis.equivalence import EACH_SIDE, equivalence_test
 from bilateral_rl.analysis.intervals import Interval, difference_interval, mean_interval, ratio_interval
-from bilateral_rl.analysis.samples import Float64, align
+from bilateral_rl.analysis.samples import Float64, align, join_notes
 from bilateral_rl.analysis.statistics import PairTest, holm, paired_test, welch_test
 from bilateral_rl.claims import designs, effects
 from bilateral_rl.claims.claim import NOTHING, Component
@@ -132,8 +132,10 @@ def difference_within(first: Sample, second: Sample, share: float, whole: Sample
 
 def undecided(text: str, samples: Sequence[Sample]) -> Component:
     """Return a component that cannot be decided, because some of ``samples`` have no values."""
-    names = ", ".join(f"{sample.name} in {sample.measure.task}" for sample in samples if sample.missing)
-    return Component(text, "", "", "", NOTHING, "undecided", note=f"no results of {names}")
+    missing = [sample for sample in samples if sample.missing]
+    names = ", ".join(f"{sample.name} in {sample.measure.task}" for sample in missing if not sample.absence)
+    note = join_notes(*(sample.absence for sample in missing), f"no results of {names}" if names else "")
+    return Component(text, "", "", "", NOTHING, "undecided", note=note)
 
 
 def _direction(

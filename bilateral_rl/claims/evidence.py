@@ -48,6 +48,8 @@ class Sample:
     measure: Measure
     values: pd.Series
     """Values by seed, in rising order."""
+    absence: str = ""
+    """Why there are none, if more is known than that there are no results."""
 
     @property
     def model(self) -> str:

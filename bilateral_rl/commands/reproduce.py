@@ -66,14 +66,13 @@ def reproduce(
     plan = make_plan(*of, study, _apart(tasks))
     with ending_if_stopped(console):
         made = run_plan(plan, ray, console, lambda: _announce(plan, console))
+    for note in filter(None, (made.notes, made.unjudged)):
+        console.print(f"[yellow]Note:[/yellow] {escape(note)}", highlight=False)
     console.print(_verdicts(made.judgements, WORDS[plan.study.subject].claim))
     if quick:
         console.print("[yellow]A preview: few seeds, short trainings, few trials. No verdict here is a result.")
     for judgement in made.judgements[:_SHOWN]:
-        note = f" [yellow]Note:[/yellow] {judgement.note}." if judgement.note else ""
-        console.print(f"{judgement.reading}: {counts_of(judgement.claims)}{note}", highlight=False)
-    if made.unjudged:
-        console.print(f"[yellow]Note:[/yellow] {made.unjudged}", highlight=False)
+        console.print(f"{judgement.reading}: {counts_of(judgement.claims)}", highlight=False)
     console.print(f"{(time.monotonic() - began) / 60:.1f} minutes.", highlight=False)
     print_failures(made.outcomes, console)
     print_unsourced(made.unsourced, console)
@@ -92,7 +91,9 @@ def _announce(plan: Plan, console: Console) -> None:
         names = ", ".join(plan.left_out)
         console.print(f"{len(plan.left_out)} readings are left out, as {because}: {names}.", highlight=False)
     console.print(_costs(plan.steps, plan.at_once))
-    begins = f"{len(plan.grid.tables)} trainings into [bold]{_quoted(plan.folder)}[/bold]"
+    trainings, networks = len(plan.grid.tables), sum(step.networks for step in plan.steps)
+    of = "" if networks == trainings else f", of {networks} networks,"
+    begins = f"{trainings} trainings{of} into [bold]{_quoted(plan.folder)}[/bold]"
     console.print(f"{begins}; Ctrl-C stops and saves, the same command goes on.", soft_wrap=True, highlight=False)
 
 
@@ -114,7 +115,8 @@ def _verdicts(judgements: Sequence[Judgement], claim: str) -> Table:
     """The verdicts of a few readings side by side; of many, how many have which."""
     few = len(judgements) <= _SHOWN
     columns = [judgement.reading for judgement in judgements] if few else list(_STYLES)
-    table = Table("", claim, *columns, title="Verdicts", title_justify="left")
+    title = "Verdicts" if few else f"Verdicts: under how many of {len(judgements)} readings"
+    table = Table("", claim, *columns, title=title, title_justify="left")
     for claims in zip(*(judgement.claims for judgement in judgements), strict=True):
         verdicts = [claim.verdict for claim in claims]
         if few:

@@ -329,7 +329,8 @@ class BPTTConfig(TrainConfig):
 
     @property
     def plan(self) -> str:
-        return f"up to {self.epochs} epochs of {self.bptt.trials:,} trials"
+        epochs = "1 epoch" if self.epochs == 1 else f"up to {self.epochs} epochs"
+        return f"{epochs} of {self.bptt.trials:,} trials"
 
     @property
     def updates_per_epoch(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import EngFormatter, LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from bilateral_rl.analysis.intervals import mean_interval
 from bilateral_rl.analysis.samples import Float64
@@ -96,7 +96,7 @@ def learning_curves(
             if measure.logarithmic:
                 _set_logarithmic(axes)
             style_axes(axes, PROGRESS[progress] * (i == len(grid) - 1), axis_label(measure) * (j == 0))
-            axes.xaxis.set_major_formatter(EngFormatter())
+            _count(axes)
         _limit(row[0], epochs[measure.name])
     for axes in grid[0]:
         legend_above(axes)
@@ -152,7 +152,7 @@ def _draw_lines(axes: Axes, lines: Sequence[tuple[pd.DataFrame, str, _Line]], me
     if measure.logarithmic:
         _set_logarithmic(axes)
     style_axes(axes, PROGRESS[progress], axis_label(measure))
-    axes.xaxis.set_major_formatter(EngFormatter())
+    _count(axes)
     _limit(axes, pd.concat([rows[name] for rows, name, _ in lines]))
     legend_above(axes, columns=2)
 
@@ -187,6 +187,12 @@ def _set_logarithmic(axes: Axes) -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _count(axes: Axes) -> None:
+    """Let the x axis count: there is no half of an epoch, or of a step."""
+    axes.xaxis.set_major_locator(MaxNLocator(nbins="auto", steps=[1, 2, 2.5, 5, 10], integer=True))
+    axes.xaxis.set_major_formatter(EngFormatter())
 
 
 def _limit(axes: Axes, values: pd.Series) -> None:

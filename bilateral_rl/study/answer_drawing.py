@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator, Sequence
 
@@ -14,14 +15,15 @@ _TITLE_CHARACTERS = 72
 
 
 def draw_answer(answer: Answer) -> Iterator[Drawing]:
-    """Draw the curve of each claim to which several readings give different numbers."""
+    """Draw the curve of each claim to which several readings give different numbers, if they give any."""
     for number in answer.numbers:
         judgements = answer.distinct(number)
-        if len(judgements) < 2:
+        specifications = _specifications(answer, number, judgements)
+        if len(judgements) < 2 or all(math.isnan(one.effect.value) for one in specifications):
             continue
         statement = answer.claim(judgements[0], number).statement
         title = textwrap.fill(f"{number}: {statement.rstrip('.')}", _TITLE_CHARACTERS)
-        figure = specification_curve(_specifications(answer, number, judgements), title)
+        figure = specification_curve(specifications, title)
         caption = f"{number} under {len(judgements)} readings that give it different numbers. {statement}"
         yield Drawing(f"curve_{number}", caption, figure)
 

@@ -26,6 +26,10 @@ CONFIRMING = (
 def opening(answer: Answer, words: Words = WORDS["paper"]) -> str:
     """Say in a few sentences what holds in every reading, in none, and in which reading most."""
     n = len(answer.judgements)
+    if nothing_judged(answer):
+        under = f"{n} readings" if n > 1 else f"the reading “{answer.judgements[0].reading}”"
+        sentences = [*_notes(answer), unjudged_in_words(answer)]
+        return " ".join([*sentences, f"{words.gaps} {len(answer.numbers)} claims were to be judged under {under}."])
     if n == 1:
         return _of_one(answer, words)
     sentences = [f"{words.gaps} {len(answer.numbers)} claims were judged under {n} readings."]
@@ -40,17 +44,28 @@ def opening(answer: Answer, words: Words = WORDS["paper"]) -> str:
 
 def unjudged_in_words(answer: Answer) -> str:
     """Say which claims no reading can judge, because results of models that they are about are missing; "" if none."""
-    claims = [number for number in answer.numbers if all(answer.claim(j, number).unjudged for j in answer.judgements)]
+    claims = _unjudged(answer)
     if not claims:
         return ""
     missing = "models that they are about were left out, or have no results"
+    if _notes(answer):
+        missing = "models that they are about never learned, were left out, or have no results"
+    if claims == answer.numbers:
+        return f"No claim can be judged: {missing}. They all count as undecided."
     return f"{_list(claims)} cannot be judged: {missing}. They count as undecided."
+
+
+def nothing_judged(answer: Answer) -> bool:
+    """Whether no reading can judge any claim."""
+    return _unjudged(answer) == answer.numbers
 
 
 def turns_in_words(answer: Answer, number: str) -> str:
     """Say which choices make a claim hold, or no longer hold; "" where there is one reading only."""
     if len(answer.judgements) == 1:
         return ""
+    if number in _unjudged(answer):
+        return "nothing to judge it by"
     turns = [turn for turn in answer.turns(number) if "supported" in (turn.before, turn.after)]
     if not turns:
         return "no single choice makes it hold" if number in answer.in_none else "no single choice"
@@ -74,6 +89,22 @@ def held_in_words(answer: Answer, number: str) -> str:
         return f"under all {n}"
     rest = ", ".join(f"{count[verdict]} {verdict}" for verdict in ("undecided", "not supported") if count[verdict])
     return f"supported under {count['supported']} of {n} ({rest})"
+
+
+def notes_in_words(answer: Answer) -> str:
+    """Say what must be known of all numbers before any of them is read; "" if nothing."""
+    return " ".join(_notes(answer))
+
+
+def _notes(answer: Answer) -> list[str]:
+    """The notes of the readings, each once; of many that differ, that of the first."""
+    notes = list(dict.fromkeys(filter(None, (judgement.note for judgement in answer.judgements))))
+    return [f"{notes[0]}."] if notes else []
+
+
+def _unjudged(answer: Answer) -> list[str]:
+    """The claims that no reading can judge."""
+    return [number for number in answer.numbers if all(answer.claim(j, number).unjudged for j in answer.judgements)]
 
 
 def _of_one(answer: Answer, words: Words) -> str:

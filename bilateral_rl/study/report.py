@@ -21,7 +21,7 @@ from bilateral_rl.figures.labels import model_label, task_label
 from bilateral_rl.io.files import replacing
 from bilateral_rl.runs.versions import versions
 from bilateral_rl.study.answer import Answer
-from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, unjudged_in_words
+from bilateral_rl.study.answer_in_words import CONFIRMING, EXPLORING, nothing_judged, unjudged_in_words
 from bilateral_rl.study.calibration import CALIBRATED_FOR
 from bilateral_rl.study.jobs import JobOutcome, JobState
 from bilateral_rl.study.plan import Study, is_supervised
@@ -91,29 +91,31 @@ def _values(findings: Findings) -> dict[str, Any]:
         **answer_values(answer, words),
         "purpose": CONFIRMING if study.purpose == "confirmation" else EXPLORING,
         "demand": demand_in_words,
-        "details": [_detail(anchor) for anchor in answer.anchors],
+        "details": [_detail(anchor, told=nothing_judged(answer)) for anchor in answer.anchors],
         "calibrated": CALIBRATED_FOR if study.is_calibrated else (),
-        "unjudged": unjudged_in_words(answer),
+        "nothing": nothing_judged(answer),
+        "unjudged": "" if nothing_judged(answer) else unjudged_in_words(answer),
         "rule": words.rule,
         "lesions": words.lesions,
         "metrics": findings.metrics,
         "tables": findings.tables,
         **_figures(findings.pictures),
         "jobs": [_job(outcome) for outcome in findings.outcomes],
-        "jobs_summary": _jobs_summary(findings.outcomes),
+        "jobs_summary": _jobs_summary(findings.outcomes, study.seeds if is_supervised(study.algo) else 1),
         "setup": _setup(findings),
         "blocks": _blocks(findings),
     }
 
 
-def _detail(judgement: Judgement) -> dict[str, Any]:
+def _detail(judgement: Judgement, *, told: bool) -> dict[str, Any]:
+    """A reading's claims; its note, unless the answer told it at once."""
     claims = judgement.claims
     return {
         "name": judgement.reading,
         "why": judgement.why,
         "counts": counts_of(claims),
         "claims": claims,
-        "note": judgement.note,
+        "note": "" if told else judgement.note,
     }
 
 
@@ -177,9 +179,11 @@ def _end_of(log: Path) -> str:
     return "\n".join(text.splitlines()[-LOG_LINES:])
 
 
-def _jobs_summary(outcomes: Sequence[JobOutcome]) -> str:
+def _jobs_summary(outcomes: Sequence[JobOutcome], networks: int) -> str:
+    """Say how many trainings are done, and of how many networks each is."""
     done = sum(outcome.state == JobState.DONE for outcome in outcomes)
-    text = f"{done} of {len(outcomes)} trainings are done."
+    each = f", each of {networks} networks" if networks > 1 else ""
+    text = f"{done} of {len(outcomes)} trainings are done{each}."
     if done < len(outcomes):
         text += " The others are missing from every number above; call the command again to try them once more."
     return text

@@ -15,6 +15,7 @@ from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.analysis.results import State, by_seed
 from bilateral_rl.claims.evidence import Measure, Sample
 from bilateral_rl.claims.two_arms.criteria import HandCriteria
+from bilateral_rl.config.catalogue import MODELS
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, lesion_words
@@ -47,22 +48,30 @@ class HandEvidence:
             the tests (N/m); one that is missing leaves undecided what needs it.
         criteria: what they are judged by.
         task: of the trials.
+        models: that were to be trained, so that what is missing can be told from what was never asked for.
 
     Raises:
         UserError: results of several algorithms.
     """
 
-    def __init__(self, results: Mapping[float, pd.DataFrame], criteria: HandCriteria, task: str = TASK) -> None:
+    def __init__(
+        self,
+        results: Mapping[float, pd.DataFrame],
+        criteria: HandCriteria,
+        task: str = TASK,
+        models: Sequence[str] = tuple(MODELS),
+    ) -> None:
         algorithms = sorted({algo for table in results.values() for algo in set(table["algo"])})
         if len(algorithms) > 1:
             raise UserError(f"Claims are tested on results of one algorithm, not of {' and '.join(algorithms)}.")
         self._results, self.criteria, self.task = dict(results), criteria, task
         self._rows = {spring: table.groupby(list(_STATE)).indices for spring, table in results.items()}
+        self._models = tuple(models)
         self._not_learned: dict[str, list[int]] = {}
 
     def in_task(self, task: str) -> HandEvidence:
         """Return the same of another task, whose networks are others and know no spring."""
-        return HandEvidence(self._results, replace(self.criteria, spring=0.0), task)
+        return HandEvidence(self._results, replace(self.criteria, spring=0.0), task, self._models)
 
     def hand(
         self,
@@ -90,7 +99,7 @@ class HandEvidence:
         name += "" if lesion == INTACT else f" with {lesion_words(lesion)} lesion"
         state = State(self.task, model, lesion, protocol)
         values = self._values(metric_of_hand(measure, self.task, hand, role), state, spring)
-        return Sample(name, state, Measure(find_metric(measure), self.task), values)
+        return Sample(name, state, Measure(find_metric(measure), self.task), values, self.absence(model))
 
     def loss(self, model: str, *, spring: float, lesion: str, protocol: str) -> pd.Series:
         """Return the combined loss by seed, of both arms and summed over a trial."""
@@ -129,8 +138,21 @@ class HandEvidence:
             self._not_learned[model] = sorted(map(int, failed.index[failed]))
         return self._not_learned[model]
 
-    def _intact(self, measure: str, model: str, hand: Side, role: Role) -> pd.Series:
-        return self._raw(metric_of_hand(measure, self.task, hand, role), State(self.task, model), None)
+    def absence(self, model: str) -> str:
+        """Say why nothing can be said of a model: not asked for, or no network learned; "" if neither is so."""
+        if model not in self._models:
+            return f"not among the study's models: {model}"
+        seeds = self.seeds(model)
+        return self.left_out([model]) if seeds and self.not_learned(model) == seeds else ""
+
+    def share_left_out(self) -> str:
+        """Say in a sentence how many networks of all never learned; "" if every one did."""
+        seeds = {model: self.seeds(model) for model in self._models}
+        n, stuck = sum(map(len, seeds.values())), sum(len(self.not_learned(model)) for model in seeds)
+        if not stuck:
+            return ""
+        advice = ": train longer" if stuck == n else ""
+        return f"{stuck} of {n} networks complete less than {NOT_LEARNED:g} % of their reaches{advice}"
 
     def left_out(self, models: Sequence[str]) -> str:
         """Say in words which networks of these models never learned and are left out; "" if none."""
@@ -138,6 +160,9 @@ class HandEvidence:
             f"{model} {', '.join(map(str, seeds))}" for model in models if (seeds := self.not_learned(model))
         ]  # fmt: skip
         return f"never learned and left out, by seed: {'; '.join(parts).replace(';', ' and')}" if parts else ""
+
+    def _intact(self, measure: str, model: str, hand: Side, role: Role) -> pd.Series:
+        return self._raw(metric_of_hand(measure, self.task, hand, role), State(self.task, model), None)
 
     def _loss(self, state: State, spring: float) -> pd.Series:
         """Half of both losses, of which rewards are the negative."""

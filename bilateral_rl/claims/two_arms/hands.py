@@ -117,8 +117,8 @@ def in_roles(evidence: HandEvidence, model: str) -> tuple[Sample, Sample]:
     measure_of = derived("Error relative to both hands' mean", "%", evidence.task)
     state = State(evidence.task, model)
     return (
-        Sample(f"{model}, each hand in its own role", state, measure_of, _mean_of(own)),
-        Sample(f"{model}, roles swapped", state, measure_of, _mean_of(swapped)),
+        Sample(f"{model}, each hand in its own role", state, measure_of, _mean_of(own), evidence.absence(model)),
+        Sample(f"{model}, roles swapped", state, measure_of, _mean_of(swapped), evidence.absence(model)),
     )
 
 

@@ -101,7 +101,8 @@ def _relative_loss(evidence: HandEvidence, model: str, spring: float, protocol: 
     table = pd.concat([cut, intact], axis=1, join="inner")
     state = State(evidence.task, model, "callosum", protocol)
     measure = derived("Combined loss without callosum, relative to intact", "%", evidence.task)
-    return Sample(f"{model} at {spring:g} N/m", state, measure, 100 * table.iloc[:, 0] / table.iloc[:, 1])
+    values = 100 * table.iloc[:, 0] / table.iloc[:, 1]
+    return Sample(f"{model} at {spring:g} N/m", state, measure, values, evidence.absence(model))
 
 
 def _acting(evidence: HandEvidence, models: tuple[str, ...]) -> list[str]:
@@ -179,4 +180,4 @@ def _relative(evidence: HandEvidence, model: str, side: Side, measure: str) -> S
     table = pd.concat([after.values, before.values], axis=1, join="inner")
     label = f"{after.measure.metric.label}, relative to intact"
     values = 100 * table.iloc[:, 0] / table.iloc[:, 1]
-    return Sample(after.name, after.state, derived(label, "%", evidence.task), values)
+    return Sample(after.name, after.state, derived(label, "%", evidence.task), values, after.absence)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from bilateral_rl.analysis.metric import Role
 from bilateral_rl.analysis.metrics import find_metric
+from bilateral_rl.analysis.samples import finite
 from bilateral_rl.claims.margins import LITTLE
 from bilateral_rl.claims.two_arms.evidence import OTHER, HandEvidence
 from bilateral_rl.claims.two_arms.hands import OWN_ROLE, advantage, decisive
@@ -21,14 +23,15 @@ from bilateral_rl.vocabulary import SIDES, Side
 
 
 def draw_hands(evidence: HandEvidence, models: Sequence[str]) -> Iterator[Drawing]:
-    """Draw what the hands do in the claims' task, figure by figure; none of what there are no results of."""
+    """Draw what the hands do in the claims' task, figure by figure; none of what there are no numbers of."""
     label = task_label(evidence.task)
     there = [model for model in models if evidence.has(model)]
     if not there:
         return
     panels = [_hands(evidence, role, measure, there) for role, measure in _shown(evidence)]
     caption = f"{label}: what each hand does in each role; intact networks that learned, tested with arms exchanged."
-    yield Drawing("hands_and_roles", caption, hands_and_roles(panels, label))
+    if _has_values(*(panel.values for panel in panels)):
+        yield Drawing("hands_and_roles", caption, hands_and_roles(panels, label))
     names = {role: f"{OWN_ROLE[role].replace('_', '-')} hand in {role}" for role, _ in decisive(evidence.criteria)}
     advantages = {}
     for model in there:
@@ -38,7 +41,8 @@ def draw_hands(evidence: HandEvidence, models: Sequence[str]) -> Iterator[Drawin
         f"{label}: how much better each hand is in its own role, in percent of both hands' mean; the band is what "
         "counts as no interaction."
     )
-    yield Drawing("roles_interaction", caption, own_roles(advantages, label, 100 * LITTLE))
+    if _has_values(advantages):
+        yield Drawing("roles_interaction", caption, own_roles(advantages, label, 100 * LITTLE))
     lesioned = [model for model in there if MODELS[model].architecture != "unilateral"]
     if lesioned and evidence.has_results(0.0):
         measures = (evidence.criteria.deviation, "final_error")
@@ -46,7 +50,13 @@ def draw_hands(evidence: HandEvidence, models: Sequence[str]) -> Iterator[Drawin
         caption = (
             f"{label}: reaches of the arm on the side of a deep lesion, without spring, relative to intact (100 %)."
         )
-        yield Drawing("arms_after_lesions", caption, lesioned_arms(arms, label))
+        if _has_values(*(panel.values for panel in arms)):
+            yield Drawing("arms_after_lesions", caption, lesioned_arms(arms, label))
+
+
+def _has_values(*by_model: Mapping[str, Mapping[str, ArrayLike]]) -> bool:
+    """Whether there is any number in these values by model and column: empty axes show nothing."""
+    return any(len(finite(values)) for of in by_model for columns in of.values() for values in columns.values())
 
 
 def _shown(evidence: HandEvidence) -> list[tuple[Role, str]]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
+from bilateral_rl.analysis.samples import join_notes
 from bilateral_rl.claims import Judgement
 from bilateral_rl.claims.two_arms.criteria import HandCriteria
 from bilateral_rl.claims.two_arms.evaluation import evaluate_hand_claims
@@ -28,8 +29,10 @@ def judge_hands(reading: HandReading, tables: Iterable[Table], read: StudyResult
         UserError: damaged or stale results.
     """
     there = list(tables)
-    evidence = HandEvidence(results_by_spring(there, read), criteria_of(reading, there))
-    claims, note = evaluate_hand_claims(evidence), evidence.left_out(list(MODELS))
+    trained = dict.fromkeys(table.training.config.model for table in there)
+    evidence = HandEvidence(results_by_spring(there, read), criteria_of(reading, there), models=tuple(trained))
+    claims = evaluate_hand_claims(evidence)
+    note = join_notes(evidence.share_left_out(), evidence.left_out(list(MODELS)))
     return Judgement(reading.name, claims, reading.anchor, reading.choices, reading.why, reading.source, note)
 
 

@@ -63,10 +63,7 @@ def hand_report_tables(evidence: HandEvidence, tasks: Sequence[str], models: Seq
             if table.rows:
                 yield table
     if evidence.task in tasks:
-        yield _better(evidence, models)
-        lesions = _lesions(evidence, models)
-        if lesions.rows:
-            yield lesions
+        yield from (table for table in (_better(evidence, models), _lesions(evidence, models)) if table.rows)
 
 
 def _learned(of_task: dict[str, HandEvidence], models: Sequence[str]) -> ReportTable:

@@ -176,6 +176,11 @@ def test_a_network_that_cannot_hold_has_not_learned_a_task_without_reaches():
 def test_if_no_network_learned_nothing_is_decided():
     claims = judged(*NUMBERS, stuck={model: range(10) for model in ("bi_ns", "bi_s", "cc_ns", "cc_s")})
     assert {claim.verdict for claim in claims} == {OPEN}
+    notes = {note for claim in claims for component in claim.components for note in component.note.split("; ")}
+    assert notes == {
+        f"never learned and left out, by seed: {model} 0, 1, 2, 3, 4, 5, 6, 7, 8, 9"
+        for model in ("bi_ns", "bi_s", "cc_ns", "cc_s")
+    }
 
 
 def test_models_that_are_missing_leave_their_claims_undecided():

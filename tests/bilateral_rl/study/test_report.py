@@ -135,7 +135,7 @@ def test_every_claim_stands_with_its_statement_parts_numbers_and_verdict(page):
         text = shown.text("section", id=f"text-{claim.number}")
         parts = [*claim.components, *(part for aside in claim.beside for part in aside.components)]
         words = [claim.statement, *(part.text for part in parts), *(part.numbers for part in parts)]
-        note = f" Note: {claim.note}." if claim.note else ""
+        note = f" Note: {claim.further_note}." if claim.further_note else ""
         for expected in (*words, f"Test: {claim.tests}.{note}"):
             assert expected in text
         verdicts = [part.verdict for part in (claim, *parts)]
@@ -323,7 +323,7 @@ def test_a_failed_training_is_shown_with_its_error_and_the_end_of_its_log(page, 
     assert lines[: LOG_LINES - 2] == [f"line {i}" for i in range(42 - LOG_LINES, 40)]
     assert lines[-2] == BAD
     assert lines[-1].endswith("end\N{REPLACEMENT CHARACTER}")
-    assert "11 of 14 trainings are done. The others are missing" in shown.text("p")
+    assert "11 of 14 trainings are done, each of 2 networks. The others are missing" in shown.text("p")
 
 
 def test_nothing_that_is_reported_can_act_as_markup(page, tmp_path):

@@ -144,7 +144,9 @@ def test_claims_are_judged_by_every_reading(concluded):
     folder, judgements = concluded
     assert [judgement.reading for judgement in judgements] == ["default"]
     for judgement in judgements:
-        assert judgement.note == "never learned and left out, by seed: cc_s 4"
+        assert judgement.note == (
+            "1 of 40 networks complete less than 50 % of their reaches; never learned and left out, by seed: cc_s 4"
+        )
         assert {claim.number: claim.verdict for claim in judgement.claims} == dict.fromkeys(
             ["B1", "B2", "B3", "B4", "B5", "B6"], "supported"
         )
@@ -177,6 +179,25 @@ def test_the_report_tells_what_claims_rest_on(concluded):
     assert "Two arms, one brain" in page
     assert "never learned and left out, by seed: cc_s 4" in page
     assert "The paper leaves open" not in page
+
+
+def test_where_no_network_learned_that_comes_first_and_nothing_empty_is_drawn(tmp_path):
+    world, made = World(), grid(["default", "drift"], models=("bi_ns", "bi_s"), tasks=("reach_and_hold",))
+    world.stuck = {"bi_ns": range(10), "bi_s": range(10)}
+    judgements = conclude(made, tmp_path, fill(tmp_path, made, world))
+    page = (tmp_path / "report.html").read_text()
+    answer = page.partition('<h2 id="answer">')[2]
+    assert answer.index("20 of 20 networks complete less than 50 % of their reaches: train longer") < answer.index(
+        "No claim can be judged"
+    )
+    assert "No claim holds" not in page
+    assert "no single choice" not in page
+    assert list(tmp_path.glob("figures/*")) == []
+    notes = [component.note for component in judgements[0].claims[0].components]
+    assert notes == [
+        "never learned and left out, by seed: bi_s " + ", ".join(map(str, range(10))),
+        "not among the study's models: cc_s",
+    ]
 
 
 def test_one_arm_has_no_spring_between_hands():
