@@ -50,7 +50,9 @@ def breakdown(record: TrialRecord, by: str, metrics: Sequence[Metric]) -> pd.Dat
 def check_breakdown(by: str) -> None:
     """Raise a UserError unless trials can be taken apart by this."""
     if by not in BREAKDOWNS:
-        raise UserError(f"--by must be one of {', '.join(BREAKDOWNS)}, got {by!r}.")
+        raise UserError(
+            f"--by must be one of {', '.join(BREAKDOWNS[:-1])}, or '{BREAKDOWNS[-1]}' for both, got {by!r}."
+        )
 
 
 def _targets(record: TrialRecord) -> Iterator[tuple[dict[str, object], NDArray[np.bool_]]]:

@@ -16,6 +16,7 @@ from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.lesion_tables import print_lesions
 from bilateral_rl.config.code_tasks import confirm_code
 from bilateral_rl.io.errors import UserError
+from bilateral_rl.policies.lesions import INTACT
 from bilateral_rl.study.lesion_folder import RESULTS, lesion_metrics
 
 
@@ -59,10 +60,19 @@ def lesion(
     confirm_code(chosen.config.task, task, run)
     folder = out or chosen.lesions_folder
 
+    if chosen.config.spec.architecture == "unilateral":
+        console.print(
+            f"[yellow]Note:[/yellow] {chosen.config.model} is one network and has no hemispheres to lesion; it is "
+            "shown intact alone, before and after retraining (--no-retrain and --no-control leave that out).",
+            highlight=False,
+        )
+
     def show(made: lesioning.Lesions) -> None:
         title = f"{run} ({weights}), {trials} trials of seed {seed}"
         console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
         print_lesions(made.results, lesion_metrics(made.config), console)
+        if words := _spring_in_words(made, run):
+            console.print(words, soft_wrap=True, highlight=False)
 
     made = lesioning.lesion(
         chosen,
@@ -81,6 +91,19 @@ def lesion(
         console.print("[yellow]Note:[/yellow] these take the place of lesions of weights that the run no longer has.")
     path = escape(shlex.quote(str(folder)))
     console.print(f"Saved in [bold]{path}[/bold]: {RESULTS}, figures and tensorboard.", soft_wrap=True, highlight=False)
+
+
+def _spring_in_words(made: lesioning.Lesions, run: str) -> str:
+    """Say that a spring tied the hands, and how to test without; "" where none did."""
+    config = made.config
+    stiffness = config.trial.two_arms.spring.stiffness if config.make_task().n_arms > 1 else 0.0
+    lesions = [name for name in made.results["lesion"].unique() if name != INTACT]
+    if not stiffness or not lesions:
+        return ""
+    command = shlex.join(
+        ["bilateral-rl", "evaluate", run, "--lesion", lesions[0], "--set", "trial.two_arms.spring.stiffness=0"]
+    )
+    return f"Tested with the spring of {stiffness:g} N/m between the hands; without it, say: {escape(command)}"
 
 
 def _words(retrain: Sequence[str] | None, no_retrain: bool) -> Sequence[str] | None:

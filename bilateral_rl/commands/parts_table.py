@@ -17,6 +17,8 @@ _SHOWN = (
 """What is shown of the metrics that there are after the one that the task is judged by; files have all of them."""
 _SHOWN_OF_HANDS = ("final_error", "perpendicular_deviation_until_2cm", "hold_rms_error")
 """The same of the hands of two arms."""
+_SHORT = {"Goal completion": "reaches", "Perpendicular deviation on the way": "off the straight line"}
+"""Words for headings of hands, beside whose columns there is no room for longer ones."""
 _MOST = 3
 """So many of them fit into 80 columns."""
 _FINE = ("channel_compensation", "effort_per_s")
@@ -63,4 +65,9 @@ def _chosen(parts: pd.DataFrame, metrics: Sequence[Metric], judged_by: str) -> d
     judged = [name for name in by_name if name.startswith(judged_by)]
     of_hands = "hand" in parts or "role" in parts
     others = [name for name in (_SHOWN_OF_HANDS if of_hands else _SHOWN) if name in by_name]
-    return {name: with_unit(by_name[name]) for name in (*judged, *others[:_MOST])}
+    heads = {name: with_unit(by_name[name]) for name in (*judged, *others[:_MOST])}
+    if not of_hands:
+        return heads
+    for words, short in _SHORT.items():
+        heads = {name: head.replace(words, short) for name, head in heads.items()}
+    return heads

@@ -106,9 +106,18 @@ def _costs(steps: Sequence[Step], at_once: int) -> Table:
         table.add_column(column, overflow="fold")
     for step in steps:
         trained, measured = f"{step.to_train}", f"{step.to_measure} of {step.tables}"
-        protocols = ", ".join(step.protocols)
+        protocols = ", ".join(by_spring(step.protocols))
         table.add_row(step.name, f"{step.networks}", trained, protocols, measured, f"{step.seconds / 60:.0f}")
     return table
+
+
+def by_spring(names: Sequence[str]) -> list[str]:
+    """Return protocols in words that break at spaces: each once, with the springs of its tests (N/m) behind it."""
+    springs: dict[str, list[str]] = {}
+    for name in names:
+        protocol, _, spring = name.partition("-spring-")
+        springs.setdefault(protocol, []).extend([spring] if spring else [])
+    return [f"{name} (spring {' and '.join(of)} N/m)" if of else name for name, of in springs.items()]
 
 
 def _verdicts(judgements: Sequence[Judgement], claim: str) -> Table:

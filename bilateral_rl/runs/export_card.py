@@ -18,7 +18,7 @@ from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task_specs import EXPERIMENT_ID, TASK_SPECS
 from bilateral_rl.io.text import seed_range
 
-_DIGITS = 5
+_DIGITS = 3
 """Digits of a measure: more would be those of the trials drawn."""
 _WIDTH = 100
 """Width of the text (characters)."""

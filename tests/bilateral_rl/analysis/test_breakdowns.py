@@ -92,5 +92,5 @@ def test_what_is_no_list_or_no_part_is_refused(record):
     plan = dataclasses.replace(record.plan, target_index=np.full(3, -1))
     with pytest.raises(UserError, match="no list"):
         breakdown(dataclasses.replace(record, plan=plan), "target", METRICS)
-    with pytest.raises(UserError, match="hand,role, got 'hour'"):
+    with pytest.raises(UserError, match="role, or 'hand,role' for both, got 'hour'"):
         breakdown(record, "hour", METRICS)

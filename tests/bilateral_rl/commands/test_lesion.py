@@ -229,6 +229,9 @@ def test_a_network_of_one_side_is_tested_intact_and_has_no_index(call, make_run,
     assert set(results["lesion"]) == {"intact"}
     assert "Time within 5 cm (steps)" in out
     assert "Specialization" not in out
+    assert " ".join(out.split()).index("uni_ndl is one network and has no hemispheres to lesion") < out.index(
+        "lesions.csv"
+    )
 
 
 def test_values_that_are_no_numbers_are_said(call, make_run, tmp_path):

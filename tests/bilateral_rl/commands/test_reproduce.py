@@ -16,6 +16,7 @@ from one_arm_tasks import ONE_ARM_TASKS
 
 from bilateral_rl.api import jobs as command
 from bilateral_rl.commands.jobs import INTERRUPTED_EXIT
+from bilateral_rl.commands.reproduce import by_spring
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.figures.style import new_figure
 from bilateral_rl.io.errors import UserError
@@ -90,6 +91,11 @@ def test_with_more_readings_it_makes_what_is_missing(invoke, prepared, tmp_path)
     assert {path: path.stat().st_mtime_ns for path in made} == made
     assert re.search(r"C4 .*supported +│ undecided", out)  # the speed of lesioned networks was not made up
     assert set(pd.read_csv(tmp_path / "study" / "claims.csv")["reading"]) == {"everything", "text-speed"}
+
+
+def test_springs_stand_behind_their_protocol_where_a_line_can_break():
+    names = ["none-spring-50", "none-spring-0", "everything-lr-0.001-spring-50", "output"]
+    assert by_spring(names) == ["none (spring 50 and 0 N/m)", "everything-lr-0.001 (spring 50 N/m)", "output"]
 
 
 def test_of_many_readings_the_verdicts_are_counted(invoke, prepared):
@@ -258,7 +264,7 @@ def test_the_whole_interrupted_and_gone_on_with(tmp_path):
     assert len(results.groupby(["task", "model", "seed"])) == 14 * 2
     assert set(results.loc[results["model"] == "cc_s", "lesion"]) > {"intact", "callosum", "deep_dominant"}
     page = (tmp_path / "study" / "report.html").read_text()
-    assert "14 of 14 trainings are done" in page
+    assert "14 of 14 trainings are done." in page
     figures = list((tmp_path / "study" / "figures").glob("*.png"))
     assert page.count("data:image/png;base64,") == len(figures) > 30
     runs = [config.task for config in Study(seeds=2).configs()]

@@ -73,6 +73,9 @@ def test_trials_are_taken_apart_by_hand_and_role(invoke, run, tmp_path):
     assert parts["perpendicular_deviation_until_2cm"].isna().tolist() == [False, True] * 2
     assert parts["hold_drift"].isna().tolist() == [True, False] * 2
     assert re.search(r"non-dominant │ hold  │ +4 │", out)
+    assert {"reaches", "straight", "error"} <= set(
+        re.findall(r"\w+", out)
+    )  # of headings, none of which breaks within a word
     with pytest.raises(UserError, match="must be even, got 7"):
         invoke("evaluate", run.path, "--trials", 7)
 
@@ -92,6 +95,8 @@ def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run):
         "intact", "dominant hand", "non-dominant hand",
         "deep non-dominant", "ipsilesional (dominant)", "contralesional (non-dominant)",
     ]  # fmt: skip
+    assert "spring of 50 N/m between the hands" in out
+    assert f"evaluate {run.path} --lesion deep_non_dominant --set trial.two_arms.spring.stiffness=0" in out
     _, out = invoke("compare", run.path, "--metric", "final_error_of_non_dominant_hold")
     assert "Final error, non-dominant hand that holds (cm)" in out
 

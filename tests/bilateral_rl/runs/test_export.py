@@ -79,7 +79,7 @@ def test_the_card_says_what_was_measured(bptt_run, tmp_path):
     assert len(told) > 8
     for name in ("goal_completion_5cm", "final_error", "return_dominant"):
         value = np.mean([find_metric(name).value(record) for record in records])
-        assert told[name] == pytest.approx(value, rel=1e-4)
+        assert told[name] == pytest.approx(value, rel=5e-3)
     total = np.mean([record.vector_return.mean() for record in records])
     mean, deviation = map(float, told["mean_reward"].split(" +/- "))
     assert mean == pytest.approx(total, abs=0.006)
