@@ -248,7 +248,7 @@ def _places_from_options(options: dict[str, Any], n_arms: int) -> Trials | None:
         return None
     if "start" not in options or set(options) - set(PLACES):
         given = ", ".join(map(str, options))
-        raise ValueError(f"a trial is set by {', '.join(PLACES)}, 'start' always, got {given}.")
+        raise ValueError(f"options takes start, goal and load; start is required, got {given}.")
     values = {name: numbers(name, value) for name, value in options.items()}
     shape, words = ((2,), "two finite numbers") if n_arms == 1 else ((2, 2), "two finite numbers for each of two arms")
     for name, value in values.items():

@@ -32,7 +32,10 @@ def _row(field: Field) -> str:
     columns = [f"`{column}`" for column in field.columns(sizes)]
     shown = columns if len(columns) <= 2 else [columns[0], "…", columns[-1]] if field.name != "hidden" else columns[:1]
     dims = ", ".join(field.dims) or "–"
-    return f"| `{field.name}` | {dims} | {field.unit} | {', '.join(shown)} | {field.description} |\n"
+    what = field.description.replace(
+        "the shoulder at the origin", "the shoulder at the origin (of two arms, the midline)"
+    )
+    return f"| `{field.name}` | {dims} | {field.unit} | {', '.join(shown)} | {what} |\n"
 
 
 if __name__ == "__main__":
