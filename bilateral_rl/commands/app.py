@@ -81,7 +81,8 @@ def train(
         str | None,
         typer.Option(
             metavar="NAME|FILE.yaml|module:Class",
-            help="random_reach, hold_position, an experiment (see list), its file, or a class of yours.",
+            help="random_reach, hold_position, two_reaches, reach_and_hold, two_holds, an experiment (see list), "
+            "its file, or a class of yours.",
             show_default="random_reach",
         ),
     ] = None,
@@ -106,7 +107,7 @@ def train(
         int | None, typer.Option(help="Arms simulated at once (not bptt).", show_default="1024 by ppo")
     ] = None,
     units: Annotated[
-        int | None, typer.Option(help="Units per hidden layer, over both sides.", show_default="10")
+        int | None, typer.Option(help="Units per hidden layer, over both sides.", show_default="10; 20 for two arms")
     ] = None,
     layers: Annotated[int | None, typer.Option(help="Hidden layers.", show_default="2")] = None,
     threshold: Annotated[float | None, typer.Option(help="Radius of the goal (m).", show_default="0.05")] = None,
