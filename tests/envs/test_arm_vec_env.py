@@ -19,7 +19,11 @@ from bilateral_rl.envs import ArmEnv, ArmVecEnv
 LENGTH = 5
 MEASURES = ("is_success", "speed_to_goal", "time_in_goal", "final_error")
 CASES = {
-    **{f"{task}, {name}": (task, settings) for task in (*ONE_ARM_TASKS, Rich()) for name, settings in SETTINGS.items()},
+    **{
+        f"{getattr(task, 'id', task)}, {name}": (task, settings)
+        for task in (*ONE_ARM_TASKS, Rich())
+        for name, settings in SETTINGS.items()
+    },
     "two arms": ("reach_and_hold", SETTINGS["noisy and delayed"]),
     "two rich arms": (RichPair(), RICH_SETTINGS),
 }
