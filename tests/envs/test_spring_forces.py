@@ -22,9 +22,9 @@ def test_forces_are_those_of_the_kernels_and_sum_to_zero(kind):
     of_kernels = getattr(hand_spring, f"{kind}_spring")
     for i in range(5):
         for arm in range(2):
-            own, other = (wp.vec4(*hands[i, one]) for one in (arm, 1 - arm))
+            own, other = (wp.vec4(*hands[i, one].tolist()) for one in (arm, 1 - arm))
             seen = hand_spring.seen_from_other_arm(other, APART)
-            expected = of_kernels(own, seen, wp.vec2(*rest[i, arm]), k[i], c[i])
+            expected = of_kernels(own, seen, wp.vec2(*rest[i, arm].tolist()), float(k[i]), float(c[i]))
             np.testing.assert_allclose(forces[i, arm], [expected[0], expected[1]], atol=1e-5)
 
 
