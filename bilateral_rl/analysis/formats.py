@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bilateral_rl.analysis.samples import finite
-from bilateral_rl.analysis.statistics import OmnibusTest
+
+if TYPE_CHECKING:  # SciPy's statistics, half a second, which a table of one run does without
+    from bilateral_rl.analysis.statistics import OmnibusTest
 
 _MOST_DECIMALS = 6
 _SMALLEST_P = 0.001

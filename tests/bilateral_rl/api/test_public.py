@@ -100,6 +100,14 @@ def test_every_option_that_an_error_may_name_is_an_argument():
 
 
 def test_a_notebook_begins_quickly():
-    code = "import json, sys, bilateral_rl; print(json.dumps(sorted(sys.modules)))"
-    loaded = json.loads(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
-    assert not [name for name in loaded if name.startswith("bilateral_rl.")]
+    assert not [name for name in loaded_by("bilateral_rl") if name.startswith("bilateral_rl.")]
+
+
+def test_what_needs_no_statistics_does_without_scipy():
+    of_one_run = [f"bilateral_rl.commands.{name}" for name in ("train", "evaluate", "record", "render", "export")]
+    assert "scipy" not in loaded_by(*of_one_run)  # which takes half a second
+
+
+def loaded_by(*modules):
+    code = f"import json, sys, {', '.join(modules)}; print(json.dumps(sorted(sys.modules)))"
+    return json.loads(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
