@@ -13,6 +13,7 @@ from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.api.checks import Names, as_path, check_tests, flag, names
 from bilateral_rl.api.progress import ProgressLike, bar, console_of
 from bilateral_rl.api.run import Run
+from bilateral_rl.config.parse import build
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import lesion_words
@@ -27,7 +28,9 @@ class Lesions:
     """What came of a lesion study."""
 
     config: TrainConfig
-    """Of the run."""
+    """Of the run, with the spring of the tests."""
+    settings: LesionSettings
+    """How the networks were lesioned, retrained and tested."""
     results: pd.DataFrame
     """The long table (:mod:`bilateral_rl.analysis.results`)."""
     replaces_stale: bool = False
@@ -41,6 +44,7 @@ def lesion(
     *,
     control: bool = True,
     profile: str | None = None,
+    spring: float | None = None,
     trials: int = TEST_TRIALS,
     seed: int = TEST_SEED,
     weights: str = FINAL,
@@ -56,6 +60,7 @@ def lesion(
         protocols: what follows each of them.
         control: whether fresh networks are treated alike.
         profile: whose combined lesions.
+        spring: stiffness of the spring between two hands in retraining and tests (N/m); None for that of the training.
         trials: number of trials of each test.
         seed: seed of the first trial.
         weights: which of the run's weights.
@@ -68,18 +73,22 @@ def lesion(
     """
     trials, seed = check_tests(trials, seed)
     chosen = names("--lesions", lesions)
-    settings = LesionSettings(
-        lesions=tuple(chosen) if chosen else None,
-        protocols=tuple(protocols),
-        control=flag("--control", control),
-        profile=None if profile is None else str(profile),
-        trials=trials,
-        seed=seed,
+    settings = build(
+        LesionSettings,
+        {
+            "lesions": tuple(chosen) if chosen else None,
+            "protocols": tuple(protocols),
+            "control": flag("--control", control),
+            "profile": None if profile is None else str(profile),
+            "spring": spring,
+            "trials": trials,
+            "seed": seed,
+        },
     )
     console_of(progress)  # which refuses what is none before anything is computed
     study = LesionStudy(run.folder, settings, run.only, weights)
     if out is None:
-        made = Lesions(study.config, _results(study, progress))
+        made = Lesions(study.config, settings, _results(study, progress))
         show(made)
         return made
     output = LesionFolder(as_path("--out", out))
@@ -87,7 +96,7 @@ def lesion(
         raise UserError(f"{output.path} is a link; name where it leads by --out, or remove it.")
     description = output.describe(run.folder, settings, run.only, weights)
     with output.claimed(run.folder, description), contextlib.ExitStack() as at_last:
-        made = Lesions(study.config, _results(study, progress), output.holds_stale_results(run.folder))
+        made = Lesions(study.config, settings, _results(study, progress), output.holds_stale_results(run.folder))
         at_last.callback(show, made)
         output.write(made.results, description, study.config)
     return made

@@ -272,6 +272,7 @@ class Run:
         retrain_penalty_coefficient: float | None = None,
         control: bool = True,
         profile: str | None = None,
+        spring: float | None = None,
         trials: int = TEST_TRIALS,
         seed: int = TEST_SEED,
         weights: str = FINAL,
@@ -294,6 +295,8 @@ class Run:
             retrain_penalty_coefficient: its λ; None for the run's own, or the usual.
             control: whether fresh networks are treated alike, to tell what was kept from what is relearned.
             profile: combined lesions of the "paper" or of its "released" code; None for the run's.
+            spring: stiffness of the spring between two hands (N/m), in retraining and tests; 0 for none, None for that
+                of the training.
             trials: number of trials of each test.
             seed: seed of the first trial.
             weights: "final", "best" or "step_…": which of the run's weights.
@@ -319,8 +322,8 @@ class Run:
             "trials": retrain_trials, "penalty": retrain_penalty, "penalty_coefficient": retrain_penalty_coefficient,
         }  # fmt: skip
         return lesion(
-            self, lesions, chosen_protocols(retrain, adapting), control=control, profile=profile, trials=trials,
-            seed=seed, weights=weights, out=out, progress=progress,
+            self, lesions, chosen_protocols(retrain, adapting), control=control, profile=profile, spring=spring,
+            trials=trials, seed=seed, weights=weights, out=out, progress=progress,
         ).results  # fmt: skip
 
     @in_python

@@ -268,6 +268,13 @@ def lesion(
         str | None,
         typer.Option(help="Combined lesions of the paper, or released for its code's.", show_default="the run's"),
     ] = None,
+    spring: Annotated[
+        float | None,
+        typer.Option(
+            help="Stiffness of the spring between two hands (N/m), in retraining and tests; 0 for none.",
+            show_default="the run's",
+        ),
+    ] = None,
     trials: Trials = TEST_TRIALS,
     seed: TestSeed = TEST_SEED,
     weights: Weights = "final",
@@ -289,6 +296,7 @@ def lesion(
         settings=settings,
         control=not no_control,
         profile=profile,
+        spring=spring,
         trials=trials,
         seed=seed,
         weights=weights,

@@ -15,9 +15,10 @@ from bilateral_rl.api.protocols import chosen_protocols
 from bilateral_rl.api.run import find_run
 from bilateral_rl.commands.lesion_tables import print_lesions
 from bilateral_rl.config.code_tasks import confirm_code
+from bilateral_rl.config.parse import plain_values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT
-from bilateral_rl.study.lesion_folder import RESULTS, lesion_metrics
+from bilateral_rl.study.lesion_folder import RESULTS, lesion_command, lesion_metrics
 
 
 def lesion(
@@ -29,6 +30,7 @@ def lesion(
     settings: Mapping[str, Any],
     control: bool,
     profile: str | None,
+    spring: float | None,
     trials: int,
     seed: int,
     weights: str,
@@ -46,6 +48,7 @@ def lesion(
         settings: how to retrain; None where nothing was said.
         control: whether fresh networks are treated alike.
         profile: whose combined lesions: "paper" or "released"; None for the run's profile.
+        spring: stiffness of the spring between two hands in retraining and tests (N/m); None for that of the training.
         trials: number of trials of each test.
         seed: seed of the first trial.
         weights: which of the run's weights.
@@ -71,7 +74,7 @@ def lesion(
         title = f"{run} ({weights}), {trials} trials of seed {seed}"
         console.print(f"[italic]{escape(title)}", soft_wrap=True, highlight=False)
         print_lesions(made.results, lesion_metrics(made.config), console)
-        if words := _spring_in_words(made, run):
+        if words := _spring_in_words(made, run, weights, folder):
             console.print(words, soft_wrap=True, highlight=False)
 
     made = lesioning.lesion(
@@ -80,6 +83,7 @@ def lesion(
         chosen_protocols(_words(retrain, no_retrain), settings),
         control=control,
         profile=profile,
+        spring=spring,
         trials=trials,
         seed=seed,
         weights=weights,
@@ -93,17 +97,17 @@ def lesion(
     console.print(f"Saved in [bold]{path}[/bold]: {RESULTS}, figures and tensorboard.", soft_wrap=True, highlight=False)
 
 
-def _spring_in_words(made: lesioning.Lesions, run: str) -> str:
-    """Say that a spring tied the hands, and how to test without; "" where none did."""
-    config = made.config
-    stiffness = config.trial.two_arms.spring.stiffness if config.make_task().n_arms > 1 else 0.0
-    lesions = [name for name in made.results["lesion"].unique() if name != INTACT]
-    if not stiffness or not lesions:
+def _spring_in_words(made: lesioning.Lesions, run: str, weights: str, folder: Path) -> str:
+    """Say what spring tied the hands and, where one did, how to test without; "" of one arm, or of no lesion."""
+    if made.config.n_arms == 1 or set(made.results["lesion"]) == {INTACT}:
         return ""
-    command = shlex.join(
-        ["bilateral-rl", "evaluate", run, "--lesion", lesions[0], "--set", "trial.two_arms.spring.stiffness=0"]
-    )
-    return f"Tested with the spring of {stiffness:g} N/m between the hands; without it, say: {escape(command)}"
+    stiffness = made.config.trial.two_arms.spring.stiffness
+    if not stiffness:
+        return "" if made.settings.spring is None else "Tested without a spring between the hands."
+    description = plain_values(made.settings) | {"weights": weights, "spring": 0.0}
+    out = shlex.join(["--out", f"{folder}-spring-0"])  # results with another spring have a place of their own
+    command = f"{lesion_command(run, description)} {out}"
+    return f"Tested with a spring of {stiffness:g} N/m between the hands; without it: {escape(command)}"
 
 
 def _words(retrain: Sequence[str] | None, no_retrain: bool) -> Sequence[str] | None:

@@ -121,17 +121,23 @@ class LesionFolder:
         """
         path = self.path / RESULTS
         if not path.is_file():
-            raise UserError(f"One run is compared by its lesions: call `{_lesion_command(name, {})}` first.")
+            raise UserError(f"One run is compared by its lesions: call `{lesion_command(name, {})}` first.")
         results, description = read_results(path), self._description()
-        command = _lesion_command(name, description)
+        command = lesion_command(name, description)
         stale = is_stale(description, run)
         if stale:
             raise UserError(
                 f"{path} holds lesions of weights that {run.path} no longer has, as after more training; call "
                 f"`{command}` to make them anew."
             )
-        note = f"{path} does not say which weights it is of; if the run was trained on since, call `{command}`."
-        return results, [note] if stale is None else []
+        notes = []
+        if stale is None:
+            notes.append(
+                f"{path} does not say which weights it is of; if the run was trained on since, call `{command}`."
+            )
+        if isinstance(spring := description.get("spring"), int | float):
+            notes.append(f"{path} is of tests with a spring of {spring:g} N/m between the hands.")
+        return results, notes
 
     @contextlib.contextmanager
     def _refusing(self) -> Iterator[None]:
@@ -195,8 +201,13 @@ def _up_to_date(description: Mapping[str, Any]) -> dict[str, Any]:
     return entries | {"protocols": [dataclasses.asdict(protocol) for protocol in protocols]}
 
 
-def _lesion_command(name: str, description: Mapping[str, Any]) -> str:
-    """The command that makes the lesions of a run again as they are described."""
+def lesion_command(name: str, description: Mapping[str, Any]) -> str:
+    """Return the command that makes lesions of a run.
+
+    Args:
+        name: RUN or RUN:SEED, as the commands take it.
+        description: entries of ``settings.json``; what it leaves out is as usual.
+    """
     defaults, words = LesionSettings(), ["bilateral-rl", "lesion", name]
     lesions = description.get("lesions")
     for lesion in lesions if isinstance(lesions, list) else ():
@@ -204,12 +215,17 @@ def _lesion_command(name: str, description: Mapping[str, Any]) -> str:
     words += _protocol_options(description)
     if description.get("control") is False:
         words.append("--no-control")
-    usual = {"profile": None, "trials": defaults.trials, "seed": defaults.seed, "weights": FINAL}
+    usual = {"profile": None, "spring": None, "trials": defaults.trials, "seed": defaults.seed, "weights": FINAL}
     for option, default in usual.items():
         value = description.get(option, default)
         if value != default:
-            words += [f"--{option}", value]
+            words += [f"--{option}", _number(value) if isinstance(value, float) else value]
     return shlex.join(map(str, words))
+
+
+def _number(value: float) -> str:
+    """The shortest text of a number."""
+    return repr(value).removesuffix(".0")
 
 
 def _protocol_options(description: Mapping[str, Any]) -> list[str]:

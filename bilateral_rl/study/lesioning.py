@@ -17,6 +17,7 @@ from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import COLUMNS, FRESH, TRAINED, treatment
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.bptt.layout import Layout
+from bilateral_rl.config.bounds import check_fit, check_trial
 from bilateral_rl.config.hyperparameters import Flag
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.envs.quantities import STRICT, NotNegative
@@ -92,7 +93,7 @@ class LesionStudy:
 
     Raises:
         UserError: a lesion that is unknown or that the architecture cannot have, a seed that the run does not have, no
-            protocol, or one that its networks cannot follow, or a spring between the hands of one arm.
+            protocol, or one that its networks cannot follow, or a spring that cannot be.
     """
 
     def __init__(
@@ -232,7 +233,11 @@ def state_names(config: TrainConfig, lesions: Sequence[str] | None) -> list[str]
 
 
 def with_spring(config: TrainConfig, stiffness: float | None) -> TrainConfig:
-    """The configuration with another spring between the hands. Raises UserError if there is but one."""
+    """The configuration with another spring between the hands.
+
+    Raises:
+        UserError: there is but one hand, or a spring that is far out of use or makes the hands swing.
+    """
     if stiffness is None:
         return config
     if config.make_task().n_arms == 1:
@@ -240,7 +245,10 @@ def with_spring(config: TrainConfig, stiffness: float | None) -> TrainConfig:
     two_arms = config.trial.two_arms
     spring = dataclasses.replace(two_arms.spring, stiffness=stiffness)
     trial = dataclasses.replace(config.trial, two_arms=dataclasses.replace(two_arms, spring=spring))
-    return dataclasses.replace(config, trial=trial)
+    changed = dataclasses.replace(config, trial=trial)
+    check_trial(changed)
+    check_fit(changed)
+    return changed
 
 
 def _lesions_of(config: TrainConfig, profile: str | None) -> dict[str, Lesion]:

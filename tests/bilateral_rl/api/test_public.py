@@ -43,7 +43,8 @@ SIGNATURES = {
     "Run.evaluate": f"({TESTS}, {CONDITIONS}, deterministic=True, weights='final', by='seed')",
     "Run.lesion": "(lesions=None, retrain=None, *, retrain_epochs=None, retrain_learning_rate=None, "
     "retrain_optimizer=None, retrain_trials=None, retrain_penalty=None, retrain_penalty_coefficient=None, "
-    "control=True, profile=None, trials=1024, seed=2000000, weights='final', task=None, out=None, progress=True)",
+    "control=True, profile=None, spring=None, trials=1024, seed=2000000, weights='final', task=None, out=None, "
+    "progress=True)",
     "Run.export": "(out, *, trials=1024, seed=2000000, weights='final', task=None)",
     "Run.record": f"({TESTS.replace('1024', '128')}, {CONDITIONS}, weights='final', progress=True)",
     "Run.record_to": f"(out, {TESTS.replace('1024', '128')}, {CONDITIONS}, weights='final', progress=True)",

@@ -52,9 +52,10 @@ def lesioned(_trained_bptt, tmp_path_factory):
     run = RunFolder(tmp_path_factory.mktemp("lesioned") / RUN)
     shutil.copytree(_trained_bptt.path, run.path)
     before, console = files(run.path), Console(file=io.StringIO(), width=80)
-    options = {"lesions": None, "control": True, "profile": None, "trials": 8, "seed": 7, "weights": "final"}
+    options = {"lesions": None, "control": True, "profile": None, "spring": None}
+    tests = {"trials": 8, "seed": 7, "weights": "final"}
     retraining = {"retrain": None, "no_retrain": False, "settings": {}}
-    command.lesion(run=str(run.path), task=None, out=None, console=console, **retraining, **options)
+    command.lesion(run=str(run.path), task=None, out=None, console=console, **retraining, **options, **tests)
     place = run.path.with_name("cc_s-bptt-1-lesions")
     return SimpleNamespace(run=run, before=before, out=console.file.getvalue(), place=place)
 
@@ -262,6 +263,7 @@ MISTAKES = [
     ([f"{RUN}:3"], "has no seed 3; it has seeds 0 to 2"),
     ([RUN, "--lesion", "lobotomy"], "callosum_deep_non_dominant"),
     ([RUN, "--profile", "code"], "paper, released"),
+    ([RUN, "--spring", "0"], "random_reach is a task of one arm and has no spring between two hands"),
     ([RUN, "--weights", "step_1"], "best, final"),
     ([RUN, "--trials", "0"], "--trials must be at least 1"),
     ([RUN, "--seed", "-1"], "--seed must be at least 0"),

@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+import shlex
 import shutil
 
 import pandas as pd
@@ -96,9 +97,42 @@ def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run):
         "deep non-dominant", "ipsilesional (dominant)", "contralesional (non-dominant)",
     ]  # fmt: skip
     assert "spring of 50 N/m between the hands" in out
-    assert f"evaluate {run.path} --lesion deep_non_dominant --set trial.two_arms.spring.stiffness=0" in out
     _, out = invoke("compare", run.path, "--metric", "final_error_of_non_dominant_hold")
     assert "Final error, non-dominant hand that holds (cm)" in out
+
+
+def test_lesions_with_another_spring_have_a_place_of_their_own(invoke, run, undrawn):
+    few = ("--trials", 8, "--no-retrain", "--no-control", "--lesion", "deep_dominant")
+    place = run.path.with_name(f"{run.path.name}-lesions")
+    _, out = invoke("lesion", run.path, *few)
+    tied = (place / "lesions.csv").read_bytes()
+    with pytest.raises(UserError, match=r"lesions made with other settings \(spring\); choose another --out"):
+        invoke("lesion", run.path, *few, "--spring", 0)
+    assert (place / "lesions.csv").read_bytes() == tied
+    (command,) = re.findall("without it: bilateral-rl (.*)", out)
+    assert "Tested without a spring between the hands" in invoke(*shlex.split(command))[1]
+    free = place.with_name(f"{place.name}-spring-0")
+    assert json.loads((free / "settings.json").read_text())["spring"] == 0
+    table = pd.read_csv(free / "lesions.csv")
+    loaded = load(run.path)
+    pd.testing.assert_frame_equal(
+        table, loaded.lesion("deep_dominant", "none", spring=0, control=False, trials=8, progress=False)
+    )
+    tested = loaded.evaluate(8, lesion="deep_dominant", settings={"trial.two_arms.spring.stiffness": 0}, by="hand,role")
+    for row in tested.to_dict("records"):
+        name = f"final_error_of_{row['hand']}_{row['role']}"
+        (value,) = table[(table["lesion"] == "deep_dominant") & (table["metric"] == name)]["value"]
+        assert value == pytest.approx(row["final_error"])
+
+
+def test_lesions_with_another_spring_are_compared_as_such_and_made_anew_with_it(invoke, run, undrawn):
+    few = ("--trials", 8, "--no-retrain", "--no-control", "--lesion", "callosum")
+    invoke("lesion", run.path, *few, "--spring", 12.5)
+    assert "tests with a spring of 12.5 N/m between the hands" in invoke("compare", run.path)[1]
+    weights = run.load_weights("final")
+    run.save_weights("final", {name: -tensor for name, tensor in weights.items()})
+    with pytest.raises(UserError, match=r"--spring 12\.5"):
+        invoke("compare", run.path)
 
 
 def test_evaluations_and_probes_are_logged_by_hand_and_role(run):
@@ -121,6 +155,8 @@ def test_evaluations_and_probes_are_logged_by_hand_and_role(run):
             r"trial\.two_arms\.roles has no effect on two_reaches, where both hands do the same",
         ),
         (("lesion", "--retrain", "combination"), "weights that mix the sides, which are fixed in these networks"),
+        (("lesion", "--spring", "-1"), "spring must be at least 0, got -1"),
+        (("lesion", "--spring", "1e5"), "a spring of 100000 N/m .* makes the hands swing"),
         (("compare", "--metric", "final_error_of_dominant_rest"), "Unknown metric 'final_error_of_dominant_rest'"),
     ],
 )
