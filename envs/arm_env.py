@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.arm.parameters import N_MUSCLES, ArmParameters
 from bilateral_rl.envs.doors import checked_seed, numbers, settings_for
-from bilateral_rl.envs.infos import final_infos
+from bilateral_rl.envs.infos import final_infos, hands_that_hold
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.running_arms import RunningArms
 from bilateral_rl.envs.scene import RENDER_MODES, SceneView, render_fps
@@ -122,8 +122,12 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
     and ``final_error`` (m), as defined in ``envs/measures.py``. Success of a hand that reaches is goal completion, that
     of a hand that holds, whose goal is its start, to be within the threshold after the last step. They count from the
     onset of the last target; without a cue, success is to stay. ``env.batch.force`` is the force on the hand in the
-    last step. Of two arms distance and measures are (2,), and success is that of both hands; ``goal_completion`` (2,)
-    is among them, and means nothing for a hand that holds, which starts in its goal.
+    last step.
+
+    Of two arms distance and measures are (2,), the dominant hand first, and success is that of both hands;
+    ``goal_completion`` (2,) is among them, and means nothing for a hand that holds, which starts in its goal.
+    ``holds`` (2,) bool says which hands are to hold, because their goal is their start, where the others reach: in the
+    info of ``reset``, and at the last step again.
 
     Args:
         task: ``"random_reach"``, ``"hold_position"``, of two arms ``"two_reaches"``, ``"reach_and_hold"`` or
@@ -156,6 +160,7 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
         self.action_space = spaces.Box(-1.0, 1.0, (task.n_arms * N_MUSCLES,))
         self._view = SceneView(self.batch, render_mode)
         self.render_mode = render_mode
+        self._holds: NDArray[np.bool_] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -163,9 +168,14 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
         places = _places_from_options({} if options is None else options, self.batch.n_arms)
         super().reset(seed=checked_seed(seed))
         draws = self.batch.draw(self.np_random)
-        self.batch.start(_ARM, self._next_trial(places, draws.uniform), draws.noise)
+        trials = self._next_trial(places, draws.uniform)
+        self.batch.start(_ARM, trials, draws.noise)
         self._view.advance()
-        return self.batch.observation[0].copy(), {}
+        info: dict[str, Any] = {}
+        if self.batch.n_arms == 2:
+            self._holds = hands_that_hold(trials).reshape(1, 2)
+            info["holds"] = self._holds[0].copy()
+        return self.batch.observation[0].copy(), info
 
     def _next_trial(self, places: Trials | None, uniform: NDArray[np.float64]) -> Trials:
         """Return the trial that is drawn, but at ``places`` if they are given."""
@@ -190,7 +200,7 @@ class ArmEnv(RunningArms, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]
             else batch.distance[:, clock - 1].astype(float),
         }
         if truncated:
-            info |= final_infos(batch, _ARM)[0]
+            info |= final_infos(batch, _ARM, self._holds)[0]
         self._view.advance()
         return batch.observation[0].copy(), float(batch.reward[0]), False, truncated, info
 

@@ -40,9 +40,12 @@ class ArmVecEnv(RunningArms, VecEnv):
     - ``vector_return`` (2,): the dominant and the non-dominant stream's return;
     - ``is_success``: goal completion, or, of a hand that holds, being within the threshold after the last step;
       ``speed_to_goal`` (m/step, NaN if not reached), ``time_in_goal`` (steps), ``final_error`` (m). Of two arms these
-      three are (2,), and so is ``goal_completion``, which means nothing for a hand that holds; success is that of both.
+      three are (2,), and so is ``goal_completion``, which means nothing for a hand that holds; success is that of both;
+    - of two arms ``holds`` (2,) bool, which hands were to hold in the trial that ended, the dominant one first.
 
-    Infos of arms in the middle of a trial are empty; the step's vector reward is :attr:`last_vector_reward`.
+    Infos of arms in the middle of a trial are empty; the step's vector reward is :attr:`last_vector_reward`. Of two
+    arms ``reset_infos[i]["holds"]`` says which hands are to hold in the trial that pair i is in: as in SB3's own
+    environments, ``reset_infos`` are of the trial that began last, by :meth:`reset` or by itself.
 
     Args:
         n_envs: number of arms, or of pairs of arms in a task of two.
@@ -122,6 +125,7 @@ class ArmVecEnv(RunningArms, VecEnv):
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._tell_who_holds(self._arms)
         return self.batch.observation.copy()
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
@@ -141,12 +145,15 @@ class ArmVecEnv(RunningArms, VecEnv):
             for arm, info in zip(finished, self._final_infos(finished), strict=True):
                 infos[arm] = info
             self._streams.start(finished)
+            self._tell_who_holds(finished)
         self._view.advance()
         return batch.observation.copy(), reward, done, infos
 
     def _final_infos(self, arms: NDArray[np.int32]) -> list[dict[str, Any]]:
         """Return the infos of ``arms``, whose trials have just ended and not yet begun anew."""
-        infos = final_infos(self.batch, arms)
+        assert self._streams is not None
+        holds = self._streams.holds
+        infos = final_infos(self.batch, arms, None if holds is None else holds[arms])
         elapsed = round(time.monotonic() - self._began, 6)
         for info, observation in zip(infos, self.batch.observation[arms], strict=True):
             info["terminal_observation"] = observation
@@ -160,6 +167,13 @@ class ArmVecEnv(RunningArms, VecEnv):
                 "non_dominant": non_dominant,
             }
         return infos
+
+    def _tell_who_holds(self, arms: NDArray[np.int32]) -> None:
+        """Put into the reset infos which hands are to hold in the trials of ``arms``, which begin."""
+        assert self._streams is not None
+        if self._streams.holds is not None:
+            for arm, holds in zip(arms.tolist(), self._streams.holds[arms], strict=True):
+                self.reset_infos[arm] = {"holds": holds}
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything that the rest of the trials depends on, by name; call it after :meth:`reset`.
@@ -188,6 +202,7 @@ class ArmVecEnv(RunningArms, VecEnv):
         if arrays["elapsed"] < 0 or (arrays["clock"] >= self.settings.trial_length).any():
             raise ValueError("elapsed or clock is out of range")
         self._streams.set_state_arrays(arrays)
+        self._tell_who_holds(self._arms)
         self.batch.set_state_arrays(arrays)
         self._began = time.monotonic() - float(arrays["elapsed"])
         self._view.advance()

@@ -42,6 +42,10 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
       whatever its action, and returns a reward of 0. Gymnasium's ``NormalizeObservation`` asks for this mode.
     - ``"Disabled"``: nothing follows; ``reset(options={"reset_mask": mask})`` begins the next trials of these arms.
 
+    Of two arms ``infos["holds"]`` (num_envs, 2) bool says which hands are to hold, for the pairs in
+    ``infos["_holds"]``: at :meth:`reset`, and at a step that begins a trial, in the trial that begins; at the last step
+    in the trial that ends, which in the same-step mode stands in ``infos["final_info"]``, besides the next trial's.
+
     Args:
         num_envs: number of arms, or of pairs of arms in a task of two.
         task, render_mode, **settings: as for :class:`~bilateral_rl.envs.arm_env.ArmEnv`.
@@ -111,7 +115,7 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         self._start(arms)
         self._ended[arms] = False
         self._view.advance()
-        return self.batch.observation.copy(), {}
+        return self.batch.observation.copy(), self._begun_infos(arms)
 
     def step(self, actions: Float32) -> tuple[Float32, Float32, Mask, Mask, dict[str, Any]]:
         """Make a step of every arm.
@@ -140,14 +144,16 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
             batch.step(actions)  # where a trial is over, an arm stands still
         if begun.any():
             self._start(begun)
+        begun_infos = self._begun_infos(begun)
         moved = ~begun
         self._ended = batch.clock >= batch.settings.trial_length
         truncated = self._ended.copy()
         rewards = np.where(moved, batch.reward, np.float32(0))
-        infos = self._infos(moved)
+        infos = self._add_infos(begun_infos, moved)
         if self._mode is AutoresetMode.SAME_STEP and truncated.any():
             self._start(truncated)
             self._ended[:] = False
+            infos |= self._begun_infos(truncated)
         self._view.advance()
         return batch.observation.copy(), rewards, np.zeros(self.num_envs, dtype=np.bool_), truncated, infos
 
@@ -184,9 +190,17 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         distance = batch.distance[np.arange(batch.n_hands), steps].astype(float)
         return distance if batch.n_arms == 1 else distance.reshape(-1, batch.n_arms)
 
-    def _infos(self, moved: Mask) -> dict[str, Any]:
-        """Return the infos of a step that ``moved`` made and the others did not, before trials begin anew."""
-        batch, infos = self.batch, dict[str, Any]()
+    def _begun_infos(self, arms: Mask) -> dict[str, Any]:
+        """Return what infos say of the trials of ``arms``, which begin."""
+        assert self._streams is not None
+        holds = self._streams.holds
+        if holds is None or not arms.any():
+            return {}
+        return {"holds": holds & arms[:, None], "_holds": arms.copy()}
+
+    def _add_infos(self, infos: dict[str, Any], moved: Mask) -> dict[str, Any]:
+        """Add the infos of a step that ``moved`` made and the others did not, before trials begin anew."""
+        batch = self.batch
         if not moved.any():
             return infos
         distance = self._distance()
@@ -195,7 +209,9 @@ class ArmVectorEnv(RunningArms, VectorEnv[Float32, Float32, NDArray[Any]]):
         infos |= {"distance": np.where(moved.reshape(-1, *[1] * (distance.ndim - 1)), distance, 0)}
         infos |= {"_distance": moved.copy()}
         over = np.flatnonzero(self._ended)
-        for arm, final in zip(over.tolist(), final_infos(batch, over.astype(np.int32)), strict=True):
+        assert self._streams is not None
+        holds = None if self._streams.holds is None else self._streams.holds[over]
+        for arm, final in zip(over.tolist(), final_infos(batch, over.astype(np.int32), holds), strict=True):
             if self._mode is AutoresetMode.SAME_STEP:
                 last = {"vector_reward": pairs[arm], "distance": distance[arm], **final}
                 final = {"final_obs": batch.observation[arm].copy(), "final_info": last}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bilateral_rl.envs.doors import checked_seed
 from bilateral_rl.envs.generators import generator_states, set_generator_states
+from bilateral_rl.envs.infos import hands_that_hold
 from bilateral_rl.envs.trials import TrialBatch, check_array
 
 DRAWN_AHEAD = 64
@@ -23,6 +24,9 @@ class TrialStreams:
     Args:
         batch: the arms.
         seeds: one per arm; None seeds from the operating system.
+
+    Attributes:
+        holds: (n, 2 arms), whether each hand is to hold in the trial that runs; None in a task of one arm.
     """
 
     def __init__(self, batch: TrialBatch, seeds: Sequence[int | None]) -> None:
@@ -31,6 +35,7 @@ class TrialStreams:
         ahead = 1 if batch.settings.noisy else DRAWN_AHEAD
         self._uniform = np.zeros((batch.n, ahead, batch.task.n_uniform))
         self._next = np.full(batch.n, ahead)
+        self.holds = None if batch.n_arms == 1 else np.zeros((batch.n, 2), dtype=np.bool_)
 
     def reseed(self, seeds: Sequence[int | None]) -> None:
         """Begin arm ``i``'s stream anew from ``seeds[i]``; where that is None, the stream goes on."""
@@ -57,6 +62,9 @@ class TrialStreams:
         set_generator_states(self._generators, arrays["generators"])
         self._uniform[:] = uniform
         self._next[:] = following
+        if self.holds is not None:  # which is no part of the state, as the numbers of each running trial are
+            running = uniform[np.arange(len(uniform)), following - 1]
+            self.holds[:] = hands_that_hold(self._batch.task.trials(running, self._batch.settings))
 
     def start(self, arms: NDArray[np.int32]) -> None:
         """Begin the next trial of each of ``arms``."""
@@ -72,3 +80,5 @@ class TrialStreams:
         self._next[arms] += 1
         trials = self._batch.task.trials(uniform, self._batch.settings)
         self._batch.start(arms, trials, np.concatenate(noise) if noise else None)
+        if self.holds is not None:
+            self.holds[arms] = hands_that_hold(trials)

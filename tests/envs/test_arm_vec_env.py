@@ -158,7 +158,8 @@ def test_the_end_of_a_trial_of_two_arms_says_so_by_hand():
     infos = run(venv, actions(LENGTH, 3, arms=2))[-1][3]
     for info in infos:
         assert set(info) == {
-            "terminal_observation", "TimeLimit.truncated", "episode", "vector_return", "goal_completion", *MEASURES,
+            "terminal_observation", "TimeLimit.truncated", "episode", "vector_return", "goal_completion", "holds",
+            *MEASURES,
         }  # fmt: skip
         assert info["terminal_observation"].shape == (40,)
         assert info["is_success"] is bool(info["goal_completion"].all())
