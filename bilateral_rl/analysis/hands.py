@@ -13,6 +13,8 @@ import pandas as pd
 from bilateral_rl.analysis import kinematics
 from bilateral_rl.analysis.kinematics import NEAR
 from bilateral_rl.analysis.trial_records import TrialRecord
+from bilateral_rl.policies.lesions import INTACT, LESIONS
+from bilateral_rl.vocabulary import Side
 
 JUDGED_AT = 0.05
 """Radius of the goal (m) by which the speed to it is told."""
@@ -67,3 +69,14 @@ def hand_table(record: TrialRecord, near: float | None = NEAR) -> pd.DataFrame:
     for name in MEASURES:
         table[name] = np.where(meant.get(name, True), np.asarray(values[name], dtype=np.float64), np.nan)
     return table
+
+
+def contralesional_hand(lesion: str) -> Side | None:
+    """Return the hand opposite to the hemisphere that a lesion keeps from the muscles; None where it keeps neither.
+
+    A hemisphere has the name of the hand that it guides, across the body.
+
+    Args:
+        lesion: "intact", or the name of a lesion.
+    """
+    return None if lesion == INTACT else LESIONS[lesion].output_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from bilateral_rl.analysis.goals import from_centimeters, in_centimeters
 from bilateral_rl.analysis.trial_parts import chosen
 from bilateral_rl.analysis.trial_records import TrialRecord
-from bilateral_rl.vocabulary import Side
+from bilateral_rl.vocabulary import SIDES, Side
 
 Better = Literal["higher", "lower"] | None
 IN = "_in_"
@@ -118,6 +118,19 @@ class Metric:
             hand=hand,
             role=role,
         )
+
+
+def of_hands(metric: Metric, measured: Container[str]) -> dict[Role | None, dict[Side, Metric]]:
+    """Return the same metric of each hand, by role, or of both in one under None: those that were measured.
+
+    Args:
+        metric: of both hands.
+        measured: names of metrics; those of one arm bring nothing.
+    """
+    by_role = {role: {hand: metric.of(hand, role) for hand in SIDES} for role in (None, *ROLES)}
+    return {
+        role: hands for role, hands in by_role.items() if all(of_hand.name in measured for of_hand in hands.values())
+    }
 
 
 @dataclass(frozen=True)

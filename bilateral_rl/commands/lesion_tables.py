@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -14,12 +13,13 @@ from rich.table import Table
 from bilateral_rl.analysis.depth import deep_minus_shallow
 from bilateral_rl.analysis.floor import AT_FLOOR, above_control, at_floor
 from bilateral_rl.analysis.formats import decimals_for, fixed, mean_sd, p_value
-from bilateral_rl.analysis.metric import ROLES, Metric
+from bilateral_rl.analysis.hands import contralesional_hand
+from bilateral_rl.analysis.metric import Metric, of_hands
 from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
 from bilateral_rl.analysis.specialization import ALONE, specialization_by_seed
 from bilateral_rl.figures.labels import with_unit
-from bilateral_rl.policies.lesions import INTACT, LESIONS, lesion_words
-from bilateral_rl.vocabulary import SIDES, Side
+from bilateral_rl.policies.lesions import INTACT, lesion_words
+from bilateral_rl.vocabulary import Side
 
 _LABEL, _VALUE, _BESIDE = 31, 12, 3
 """Characters of "Goal completion within 5 cm (%)", of "100.0 ± 10.0", and between columns."""
@@ -86,7 +86,7 @@ def _hands_table(
             table.add_row(lesion_words(name), *[""] * len(states))
             for hand, metric in by_hand.items():
                 table.add_row(f"  {_hand_words(name, hand)}", *_cells(results, metric, of_lesion))
-    if any(_lesioned_side(name) for name in lesions):
+    if any(contralesional_hand(name) for name in lesions):
         note = "contralesional: the hand opposite to the hemisphere with the deep lesion"
         table.caption = "; ".join(filter(None, (str(table.caption or ""), note)))
     return table
@@ -95,25 +95,19 @@ def _hands_table(
 def _by_hand(results: pd.DataFrame, metrics: Sequence[Metric]) -> dict[str, dict[Side, Metric]]:
     """Return the metrics of each hand, by words that say which metric and what the hands do; nothing of one arm."""
     measured, found = set(results["metric"]), {}
-    for metric, role in itertools.product(metrics, (None, *ROLES)):
-        of_hands = {hand: metric.of(hand, role) for hand in SIDES}
-        if all(of_hand.name in measured for of_hand in of_hands.values()):
+    for metric in metrics:
+        for role, hands in of_hands(metric, measured).items():
             doing = f", hands that {role}" if role else ""
-            found[with_unit(replace(metric, label=f"{metric.label}{doing}"))] = of_hands
+            found[with_unit(replace(metric, label=f"{metric.label}{doing}"))] = hands
     return found
 
 
 def _hand_words(lesion: str, hand: Side) -> str:
     """Say whose hand it is, and on which side of a deep lesion."""
-    words, lesioned = hand.replace("_", "-"), _lesioned_side(lesion)
-    if lesioned is None:
+    words, contralesional = hand.replace("_", "-"), contralesional_hand(lesion)
+    if contralesional is None:
         return f"{words} hand"
-    return f"{'contralesional' if hand == lesioned else 'ipsilesional'} ({words})"
-
-
-def _lesioned_side(lesion: str) -> Side | None:
-    """Return the hemisphere that a deep lesion silences; it commands the hand of its own name, across the body."""
-    return None if lesion == INTACT else LESIONS[lesion].output_of
+    return f"{'contralesional' if hand == contralesional else 'ipsilesional'} ({words})"
 
 
 def _empty_table(results: pd.DataFrame, states: Sequence[State]) -> Table:

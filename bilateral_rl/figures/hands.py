@@ -8,13 +8,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from bilateral_rl.analysis.metric import ROLES
 from bilateral_rl.analysis.trial_records import TrialRecord
 from bilateral_rl.figures.style import TEXT_SIZE, ModelStyle
 from bilateral_rl.vocabulary import SIDES
 
 Floating = NDArray[np.floating]
 
-ROLES = ("reach", "hold")
 _DASHED = (0, (4, 1.5))
 HAND_STYLES = {
     ("dominant", "reach"): ModelStyle("#005fa0", "o", "-"),

@@ -10,12 +10,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bilateral_rl.analysis.intervals import Interval, mean_interval
-from bilateral_rl.analysis.results import FRESH, State, by_seed, protocol_words, protocols_in
-from bilateral_rl.figures.labels import MetricLike, axis_label, lesion_label, model_label, task_label
-from bilateral_rl.figures.protocols import CONTROL_COLOR, protocol_styles
-from bilateral_rl.figures.seeds import draw_seeds, marks_in_words
+from bilateral_rl.analysis.results import State, by_seed, protocol_words, protocols_in
+from bilateral_rl.figures.labels import MetricLike, axis_label, model_label, task_label
+from bilateral_rl.figures.lesion_places import (
+    column_of,
+    control_handle,
+    draw_places,
+    has_control,
+    label_places,
+    lesions_in,
+    style_handle,
+)
+from bilateral_rl.figures.protocols import protocol_styles
+from bilateral_rl.figures.seeds import marks_in_words
 from bilateral_rl.figures.style import (
-    FAINT,
     INK,
     TEXT_SIZE,
     ModelStyle,
@@ -24,16 +32,11 @@ from bilateral_rl.figures.style import (
     set_title_and_legend,
     style_axes,
 )
-from bilateral_rl.policies.lesions import INTACT, LESIONS
 
 _PANEL_HEIGHT, _REST_HEIGHT, _LEGEND_LINE = 1.6, 1.25, 0.16
 """Heights (inches): of a panel, of what is above and below all, and of each protocol in the legend."""
 _MOST_COLUMNS = 4
 """Most protocols that fit side by side; more go on in a panel below."""
-_LEAST_PLACES = 4
-"""Where there are fewer, they stand in the middle: a place too wide has its columns too far apart."""
-_WIDTH = 0.84
-"""Width of a lesion's place, of 1, that its columns share."""
 
 
 def lesion_effects(
@@ -57,19 +60,19 @@ def lesion_effects(
         protocols: names of the protocols, from the left; None for all that the table has.
     """
     rows = results[(results["task"] == task) & (results["metric"] == metric.name) & results["model"].isin(list(models))]
-    lesions = [lesion for lesion in (INTACT, *LESIONS) if lesion in set(rows["lesion"])]
+    lesions = lesions_in(rows)
     styles = protocol_styles(protocols_in(rows) if protocols is None else protocols)
     panels = [(model, part) for model in models for part in _parts([*styles])]
-    first, has_control = next(iter(styles)), bool((rows["network"] == FRESH).any())
-    figure = new_figure(_REST_HEIGHT + _PANEL_HEIGHT * len(panels) + _LEGEND_LINE * (len(styles) + has_control))
+    first, with_control = next(iter(styles)), has_control(rows)
+    figure = new_figure(_REST_HEIGHT + _PANEL_HEIGHT * len(panels) + _LEGEND_LINE * (len(styles) + with_control))
     all_axes = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     means: list[Interval] = []
     for axes, (model, part) in zip(all_axes, panels, strict=True):
         places = [[State(task, model, lesion, name) for name in part] for lesion in lesions]
         means += _draw_panel(axes, rows, metric, places, State(task, model, protocol=first), styles)
         style_axes(axes, y_label=axis_label(metric), title=model_label(model) if part[0] == first else "")
-    all_axes[-1].set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
-    set_title_and_legend(figure, f"{task_label(task)}: lesions", *_legend(styles, has_control))
+    label_places(all_axes[-1], lesions)
+    set_title_and_legend(figure, f"{task_label(task)}: lesions", *_legend(styles, with_control))
     dash = "" if all(mean.n for mean in means) else " –: no value."
     set_note(figure, f"{marks_in_words(means)}\nDashed line: mean of the intact network.{dash}")
     return figure
@@ -86,13 +89,13 @@ def draw_lesions(axes: Axes, results: pd.DataFrame, task: str, metric: MetricLik
         model: of which of its models.
     """
     rows = results[(results["task"] == task) & (results["metric"] == metric.name) & (results["model"] == model)]
-    lesions = [lesion for lesion in (INTACT, *LESIONS) if lesion in set(rows["lesion"])]
+    lesions = lesions_in(rows)
     styles = protocol_styles(protocols_in(rows))
     places = [[State(task, model, lesion, name) for name in styles] for lesion in lesions]
     _draw_panel(axes, rows, metric, places, State(task, model, protocol=next(iter(styles))), styles)
     style_axes(axes, y_label=axis_label(metric))
-    axes.set_xticks(range(len(lesions)), [lesion_label(lesion) for lesion in lesions])
-    handles, words = _legend(styles, bool((rows["network"] == FRESH).any()))
+    label_places(axes, lesions)
+    handles, words = _legend(styles, has_control(rows))
     axes.legend(handles, words, loc="lower center", bbox_to_anchor=(0.5, 1), fontsize=TEXT_SIZE, frameon=False)
 
 
@@ -110,56 +113,22 @@ def _draw_panel(
     intact: State,
     styles: Mapping[str, ModelStyle],
 ) -> list[Interval]:
-    """Draw a place for each lesion, a column for each of its states; the line of the intact networks; the limits.
+    """Draw a place for each lesion, a column for each of its states, and the line of the intact networks.
 
     Returns:
         The means.
     """
-    means: list[Interval] = []
-    for x, states in enumerate(places):
-        means += _draw_place(axes, x, rows, metric, states, styles)
+    columns = [[column_of(rows, metric.name, state, styles[state.protocol]) for state in states] for states in places]
     mean = mean_interval(by_seed(rows, metric.name, intact)).value
     axes.axhline(mean, color=INK, linewidth=0.8, linestyle=(0, (5, 3)), gid="intact")
-    middle, reach = (len(places) - 1) / 2, max(len(places), _LEAST_PLACES) / 2 + 0.05
-    axes.set_xlim(middle - reach, middle + reach)
-    for place in range(1, len(places)):
-        axes.axvline(place - 0.5, color=FAINT, linewidth=0.6, zorder=0)
-    return means
+    return draw_places(axes, columns)
 
 
-def _draw_place(
-    axes: Axes,
-    x: int,
-    rows: pd.DataFrame,
-    metric: MetricLike,
-    states: Sequence[State],
-    styles: Mapping[str, ModelStyle],
-) -> list[Interval]:
-    """Draw what follows one lesion, a column a protocol, and return the means."""
-    values = {state: by_seed(rows, metric.name, state) for state in states}
-    if not any(series.notna().any() for series in values.values()):
-        states = states[:1]  # one dash says it
-    means, step = [], _WIDTH / max(len(states), 2)
-    for i, state in enumerate(states):
-        center = x + step * (i - (len(states) - 1) / 2)
-        control = mean_interval(by_seed(rows, metric.name, state.control)).value
-        axes.hlines(
-            control, center - 0.45 * step, center + 0.45 * step, color=CONTROL_COLOR, linewidth=1.5, gid="control"
-        )
-        style = styles[state.protocol]
-        means.append(draw_seeds(axes, center, values[state], style, width=0.62 * step, size=4.5))
-    return means
-
-
-def _legend(styles: Mapping[str, ModelStyle], has_control: bool) -> tuple[list[Line2D], list[str]]:
+def _legend(styles: Mapping[str, ModelStyle], with_control: bool) -> tuple[list[Line2D], list[str]]:
     """Return the handles of protocols, and of their control, and what they are called."""
-    handles = [
-        Line2D([], [], linestyle="", marker=style.marker, markersize=5.5, color=style.color, markeredgecolor=INK,
-               markeredgewidth=0.7)
-        for style in styles.values()
-    ]  # fmt: skip
-    words = [protocol_words(name) for name in styles]
-    if has_control:
-        handles.append(Line2D([], [], color=CONTROL_COLOR, linewidth=1.5))
-        words.append("fresh networks, treated alike")
+    handles, words = [style_handle(style) for style in styles.values()], [protocol_words(name) for name in styles]
+    if with_control:
+        handle, word = control_handle()
+        handles.append(handle)
+        words.append(word)
     return handles, words

@@ -21,6 +21,7 @@ from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import FRESH, protocols_in, read_results
 from bilateral_rl.config.parse import build, plain
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.figures.lesioned_hands import lesioned_hands
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.errors import UserError
@@ -87,9 +88,17 @@ class LesionFolder:
             for pattern in ("events.out.tfevents.*", "lesions_*.png", "lesions_*.pdf"):
                 for outdated in self.path.glob(pattern):
                     outdated.unlink()
-            for metric in lesion_metrics(config):
-                save(lesion_effects(results, config.task, metric, [config.model]), self.path / f"lesions_{metric.name}")
+            self._draw(results, config)
             self._write_events(results)
+
+    def _draw(self, results: pd.DataFrame, config: TrainConfig) -> None:
+        """Write the figures: both hands together by each metric and, of two arms, each by itself by the error."""
+        metrics = lesion_metrics(config)
+        for metric in metrics:
+            save(lesion_effects(results, config.task, metric, [config.model]), self.path / f"lesions_{metric.name}")
+        error, spring = metrics[-1], config.trial.two_arms.spring.stiffness
+        if by_hand := lesioned_hands(results, config.task, error, config.model, spring):
+            save(by_hand, self.path / f"lesions_{error.name}_by_hand")
 
     def _write_events(self, results: pd.DataFrame) -> None:
         """Write the mean over the seeds of each metric and lesion, a line for each protocol and for its control."""

@@ -152,7 +152,8 @@ def call(tmp_path, monkeypatch, capsys):
 def undrawn(monkeypatch):
     """Figures take a second each."""
     monkeypatch.setattr(lesion_folder, "save", lambda figure, path: None)
-    monkeypatch.setattr(lesion_folder, "lesion_effects", lambda *arguments: None)
+    for draw in ("lesion_effects", "lesioned_hands"):
+        monkeypatch.setattr(lesion_folder, draw, lambda *arguments: None)
 
 
 @pytest.fixture

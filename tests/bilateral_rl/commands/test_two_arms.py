@@ -97,6 +97,7 @@ def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run):
         "deep non-dominant", "ipsilesional (dominant)", "contralesional (non-dominant)",
     ]  # fmt: skip
     assert "spring of 50 N/m between the hands" in out
+    assert run.path.with_name(f"{run.path.name}-lesions").joinpath("lesions_final_error_by_hand.png").is_file()
     _, out = invoke("compare", run.path, "--metric", "final_error_of_non_dominant_hold")
     assert "Final error, non-dominant hand that holds (cm)" in out
 
