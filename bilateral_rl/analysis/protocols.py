@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pydantic.dataclasses import dataclass
 
-from bilateral_rl.config.hyperparameters import Count, Flag
+from bilateral_rl.config.hyperparameters import BPTTHyperparameters, Count, Flag
 from bilateral_rl.config.schema import BPTTConfig
 from bilateral_rl.envs.quantities import STRICT, NotNegative, Positive
 from bilateral_rl.io.errors import UserError
@@ -45,7 +45,7 @@ class Protocol:
     epochs: Count = 1
     """Epochs of the retraining, each of all its trials."""
     learning_rate: Positive | None = None
-    """Adam's; None for the run's own (the paper's: 0.001)."""
+    """Adam's; None for the run's own, or the paper's (0.001) where that changed over the training."""
     penalty: Penalty | None = None
     """Kind of the weight penalty in the retraining's loss; None for the run's own."""
     penalty_coefficient: NotNegative | None = None
@@ -106,13 +106,18 @@ class Protocol:
         return protocol
 
     def resolved(self, run: BPTTConfig) -> Protocol:
-        """Return the same with the numbers that are really used after a lesion of a network of ``run``."""
+        """Return the same with the numbers that are really used after a lesion of a network of ``run``.
+
+        A rate that changed over the training gives way to the paper's, which stays the same: where it began it lets a
+        network relearn in an epoch what a lesion took, and where it ended it may be 0.
+        """
         if self.retrain == "none":
             return self
         penalty, coefficient = self.penalty or run.penalty, self.penalty_coefficient
         if coefficient is None:
             coefficient = run.penalty_coefficient if penalty == run.penalty else PENALTIES[penalty]
-        rate = self.learning_rate or run.bptt.learning_rate
+        first, last = run.bptt.learning_rate, run.bptt.final_learning_rate
+        rate = self.learning_rate or (first if last in (None, first) else BPTTHyperparameters.learning_rate)
         return replace(self, learning_rate=rate, penalty=penalty, penalty_coefficient=coefficient)
 
 

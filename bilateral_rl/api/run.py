@@ -288,11 +288,12 @@ class Run:
                 or a protocol by the name that it has in the table; one or several. None for "none", "output" and
                 "everything".
             retrain_epochs: for so many epochs; None for one.
-            retrain_learning_rate: learning rate of Adam; None for that of a supervised run, or 0.001.
+            retrain_learning_rate: learning rate of Adam; None for that of a supervised run in which it stayed the same,
+                or 0.001.
             retrain_optimizer: "fresh", or "continued" from a supervised training; None for fresh.
             retrain_trials: "new" ones, or those of a supervised "training"; None for new.
             retrain_penalty: weight penalty, "weights", "activity" or "released"; None for the run's own, or weights.
-            retrain_penalty_coefficient: its λ; None for the run's own, or the usual.
+            retrain_penalty_coefficient: its λ; None for that of a supervised run, or the usual one of the task.
             control: whether fresh networks are treated alike, to tell what was kept from what is relearned.
             profile: combined lesions of the "paper" or of its "released" code; None for the run's.
             spring: stiffness of the spring between two hands (N/m), in retraining and tests; 0 for none, None for that

@@ -229,7 +229,9 @@ def lesion(
     retrain_learning_rate: Annotated[
         float | None,
         typer.Option(
-            help="Learning rate of Adam.", show_default="that of a bptt run, or 0.001", rich_help_panel=_RETRAINING
+            help="Learning rate of Adam.",
+            show_default="the training's by bptt if it was constant, or 0.001",
+            rich_help_panel=_RETRAINING,
         ),
     ] = None,
     retrain_optimizer: Annotated[

@@ -13,7 +13,7 @@ import yaml
 from bilateral_rl.config.bounds import check, check_roles
 from bilateral_rl.config.catalogue import check_names
 from bilateral_rl.config.parse import Values, build, merge, plain_values
-from bilateral_rl.config.schema import CONFIGS, RLConfig, SACConfig, TrainConfig
+from bilateral_rl.config.schema import CONFIGS, BPTTConfig, RLConfig, SACConfig, TrainConfig
 from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
 from bilateral_rl.envs.task_specs import TASK_SPECS
 from bilateral_rl.io.errors import UserError
@@ -185,6 +185,18 @@ def tuned_defaults(algo: str, task: str) -> Values:
     table = _defaults_table().get(algo, {})
     of_two_arms = table.get("two_arms") if TASK_SPECS[task].n_arms == 2 else None
     return merge(merge(table.get("any_task") or {}, of_two_arms or {}), table.get(task) or {})
+
+
+def supervised(config: TrainConfig) -> BPTTConfig:
+    """Return the supervised training by whose loss and settings the networks of a run adapt to a lesion.
+
+    That is the run's own or, after training by rewards, the one that its task has by default.
+    """
+    if isinstance(config, BPTTConfig):
+        return config
+    usual = from_values({"algo": "bptt", **_usual("bptt", TaskChoice(config.task, config.experiment), None)})
+    assert isinstance(usual, BPTTConfig)
+    return usual
 
 
 def quick_settings(algo: str) -> Values:

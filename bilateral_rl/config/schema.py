@@ -226,11 +226,6 @@ class TrainConfig(ABC):
         """Whose lesions the networks get when they are tested: the paper's or those of its released code."""
         return "paper"
 
-    @property
-    def supervised(self) -> BPTTConfig:
-        """The supervised training by whose loss and settings networks adapt to a lesion: this one, or the paper's."""
-        return BPTTConfig()
-
     def to_values(self) -> Values:
         """Return nested dictionaries of plain numbers, strings and lists."""
         return plain_values(self)
@@ -340,10 +335,6 @@ class BPTTConfig(TrainConfig):
     @property
     def lesion_profile(self) -> Profile:
         return self.profile
-
-    @property
-    def supervised(self) -> BPTTConfig:
-        return self
 
     @property
     def penalty(self) -> Penalty:

@@ -107,12 +107,15 @@ def _set_limits(axes: Axes, columns: Sequence[Column]) -> None:
 
 def _set_legend(figure: Figure, title: str, hands: _Hands, rows: pd.DataFrame) -> None:
     """Set the title and a legend with the hands side by side."""
-    entries: list[list[tuple[Artist, str]]] = [
+    dominant, non_dominant = (
         [(style_handle(_style(*hand)), hand_label(*hand)) for hand in hands if hand[0] == side] for side in SIDES
-    ]
+    )
+    shade: list[tuple[Artist, str]] = []
     if any(map(contralesional_hand, set(rows["lesion"]))):
-        entries[0].append((Patch(color=_SHADE), _CONTRALESIONAL))
-    if has_control(rows):
-        entries[1].append(control_handle())
-    handles, words = zip(*(entry for of_side in entries for entry in of_side), strict=True)
+        shade.append((Patch(color=_SHADE), _CONTRALESIONAL))
+    if has_control(rows):  # which has a name so long that the legend has two columns
+        entries = [*dominant, *shade, *non_dominant, control_handle()]
+    else:
+        entries = [*dominant, *non_dominant, *shade]
+    handles, words = zip(*entries, strict=True)
     set_title_and_legend(figure, title, handles, words)

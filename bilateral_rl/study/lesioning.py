@@ -57,7 +57,7 @@ class LesionSettings:
     device: str = "cpu"
     """Where networks are retrained."""
     retraining_trials: int | None = None
-    """Number of trials of an epoch of retraining; None for the run's own number, or the paper's."""
+    """Number of trials of an epoch of retraining; None for the run's own number, or the usual one by BPTT."""
     spring: NotNegative | None = None
     """Stiffness of the spring between two hands in retraining and tests (N/m); None for that of the training."""
 

@@ -21,6 +21,7 @@ from bilateral_rl.bptt.rollout import Rollout
 from bilateral_rl.bptt.trial_tensors import TrialTensors
 from bilateral_rl.bptt.trials import retraining_order, retraining_trials, stacked, training_trials
 from bilateral_rl.bptt.workers import Workers
+from bilateral_rl.config.resolve import supervised
 from bilateral_rl.config.schema import BPTTConfig, TrainConfig
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.threads import one_torch_thread
@@ -38,7 +39,7 @@ class Retraining:
     Args:
         config: of the run that the networks are of.
         protocol: what adapts, and how.
-        trials: number of trials of an epoch; None for the run's own number, or the paper's.
+        trials: number of trials of an epoch; None for the run's own number, or the usual one by BPTT.
         threads: number of CPU threads; 0 for as many as there are CPUs.
         device: where it is computed, "cpu" or a CUDA device.
 
@@ -58,12 +59,13 @@ class Retraining:
         device: str = "cpu",
     ) -> None:
         _check(config, protocol)
-        self._config, self._settings = config, config.supervised.bptt
+        training = supervised(config)
+        self._config, self._settings = config, training.bptt
         self._n_trials, self._threads, self._device = trials or self._settings.trials, threads, device
         if self._n_trials < self._settings.batch_size:
             batch = self._settings.batch_size
             raise UserError(f"An epoch of {self._n_trials} trials is less than one batch of {batch}.")
-        self.used = protocol.resolved(config.supervised)
+        self.used = protocol.resolved(training)
         self._network = build_network(config)
         self._layout = Layout(self._network)
         assert self.used.penalty is not None

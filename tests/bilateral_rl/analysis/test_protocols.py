@@ -74,4 +74,14 @@ def test_numbers_are_the_runs_own_unless_the_protocol_says_others():
     said = Protocol("output", learning_rate=0.1, penalty="weights", penalty_coefficient=0.0).resolved(run)
     assert (said.learning_rate, said.penalty, said.penalty_coefficient) == (0.1, "weights", 0.0)
     assert Protocol("none").resolved(run) == Protocol("none")
+
+
+def test_a_rate_that_changed_over_the_training_gives_way_to_the_papers():
+    for last, expected in ((None, 0.02), (0.02, 0.02), (0.0, 0.001), (0.03, 0.001)):
+        run = BPTTConfig(bptt=BPTTHyperparameters(learning_rate=0.02, final_learning_rate=last))
+        assert Protocol("output").resolved(run).learning_rate == expected
+        assert Protocol("output", learning_rate=0.1).resolved(run).learning_rate == 0.1
+
+
+def test_what_can_be_retrained():
     assert list(RETRAINED) == ["none", "output", "combination", "everything"]

@@ -12,6 +12,7 @@ from bilateral_rl.analysis.protocols import Protocol
 from bilateral_rl.bptt.layout import Layout
 from bilateral_rl.bptt.trials import retraining_order, retraining_trials, training_trials
 from bilateral_rl.config.hyperparameters import BPTTHyperparameters
+from bilateral_rl.config.resolve import resolve, supervised
 from bilateral_rl.config.schema import BPTTConfig, RLConfig
 from bilateral_rl.envs import TASKS, Arm
 from bilateral_rl.envs.settings import TrialSettings
@@ -290,6 +291,29 @@ def test_a_network_beyond_all_numbers_harms_no_other(rows, same_bits):
     broken[0] = 1e38
     after = retrain(broken, protocol=EVERYTHING)
     assert same_bits(after[1], retrain(rows, protocol=EVERYTHING)[1])
+
+
+# Of which training
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac", "bptt"])
+@pytest.mark.parametrize(
+    ("task", "coefficient"),
+    [*((task, 0.001) for task in ONE_ARM_TASKS), ("curl_field", 0.001), ("reach_and_hold", 0.0001),
+     ("bimanual_curl_field", 0.0001)],
+)  # fmt: skip
+def test_the_numbers_are_those_of_bptt_in_the_task_and_the_rate_the_papers(algo, task, coefficient):
+    used = Retraining(resolve(algo, task), Protocol("output")).used
+    assert used == Protocol("output", 1, 0.001, "weights", coefficient)
+
+
+@pytest.mark.parametrize("task", [*ONE_ARM_TASKS, "reach_and_hold"])
+def test_after_training_by_rewards_all_settings_are_those_of_bptt_in_the_task(task):
+    usual = resolve("bptt", task)
+    assert supervised(resolve("td3", task)).bptt == usual.bptt
+    assert supervised(usual) is usual
+    own = resolve("bptt", task, [{"bptt": {"batch_size": 32}}])
+    assert supervised(own) is own
 
 
 # Refused
