@@ -26,6 +26,10 @@ FROM_MIDLINE, IN_FRONT = 0.05, 0.10
 ``reach_and_hold`` (m): of postures uniform over the joints' range a third would cross the hands."""
 _DIRECTIONS = 72
 """Directions of a reach, of which one that stays in the arm's workspace is chosen."""
+_ANGLES = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+_WAYS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=-1)
+_SPREAD = np.arange(_DIRECTIONS) * 29 % _DIRECTIONS
+"""The directions in an order in which each is far from those before it."""
 _CELLS = 256
 """Parts that each joint's range is cut into, so that starts are drawn from an area without trying again."""
 
@@ -155,20 +159,30 @@ def _cell_size(arm: ArmParameters) -> Float64:
 
 def _targets(hand: Float64, length: Float64 | float) -> Float64:
     """Return positions (n, 72, 2) in every direction at distances (n,) from hands (n, 2) (m)."""
-    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return np.asarray(hand[:, None] + np.reshape(length, (-1, 1, 1)) * ways)
+    return np.asarray(hand[:, None] + np.reshape(length, (-1, 1, 1)) * _WAYS)
 
 
 @functools.lru_cache(maxsize=16)
 def _check_targets(arm: ArmParameters, shoulder_distance: float, reach: tuple[float, float]) -> None:
-    """Refuse reaches that are too long for an arm at some start; a part of the starts is tried.
+    """Refuse reaches that are too long for an arm at some start.
+
+    The corners of all cells stand for the starts in them, and three lengths for those between.
 
     Raises:
         ValueError: from there no direction stays in the arm's workspace.
     """
-    corners = _apart_cells(arm, shoulder_distance)
-    hands = hand_position(corners[:: max(len(corners) // 2000, 1)] + _cell_size(arm) / 2, arm)
+    hands = hand_position(_corners(arm, shoulder_distance), arm)
     for length in (reach[0], sum(reach) / 2, reach[1]):
-        if not is_in_workspace(_targets(hands, length), arm).any(axis=1).all():
+        stuck = hands
+        for way in _WAYS[_SPREAD]:  # a direction at a time, as few of them have a target for nearly all
+            stuck = stuck[~is_in_workspace(stuck + length * way, arm)]
+        if len(stuck):
             raise ValueError(f"two_arms.reach: from some starts this arm reaches no target {length:g} m away.")
+
+
+def _corners(arm: ArmParameters, shoulder_distance: float) -> Float64:
+    """Return all corners (k, 2) (rad) of the cells that starts are drawn from, each once."""
+    lower, size = np.array(arm.joint_lower_limit), _cell_size(arm)
+    nth = np.rint((_apart_cells(arm, shoulder_distance) - lower) / size).astype(np.intp)
+    numbered = [(nth + corner) @ [_CELLS + 1, 1] for corner in ((0, 0), (0, 1), (1, 0), (1, 1))]
+    return np.asarray(lower + np.stack(np.divmod(np.unique(numbered), _CELLS + 1), axis=-1) * size)

@@ -134,6 +134,9 @@ def test_every_draw_is_a_trial_that_the_arms_can_do(uniform, reach, shoulder_dis
         ("two_reaches", {"max_load": 3}, "max_load has no effect on two_reaches, whose trials have no load"),
         ("reach_and_hold", {"two_arms": {"reach": (0.2, 0.1)}}, "two_arms.reach must be [least, greatest], got"),
         ("reach_and_hold", {"two_arms": {"reach": (0.1, 0.6)}}, "two_arms.reach: from some starts this arm reaches no"),
+        ("reach_and_hold", {"two_arms": {"reach": (0.05, 0.38)},  # for want of a target of two starts in ten thousand
+                            "arm": {"joint_lower_limit": (0.3, 0.4), "joint_upper_limit": (1.2, 2.3)}},
+         "two_arms.reach: from some starts this arm reaches no target 0.38 m away"),
         ("reach_and_hold", {"two_arms": {"shoulder_distance": 0.2}, "arm": {"joint_lower_limit": (2.0, 0.0)}},
          "shoulders 0.2 m apart leave this arm no start with its hand 0.05 m on its own side"),
         ("two_holds", {"two_arms": {"spring": {"stiffness": 400}}}, "a spring of 400 N/m with a damper of 0"),
