@@ -17,37 +17,41 @@ from numpy.typing import NDArray
 from bilateral_rl.envs.refusals import shown
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task import NEVER, Task
+from bilateral_rl.envs.two_arms import OF_ROLES
 
 T = TypeVar("T")
 _SINGLE = 4
 """Bytes of a number in single precision."""
 
 
-_OF_LOADS, _OF_TWO_ARMS, _OF_ROLES = ("max_load", "load"), ("two_arms",), ("two_arms.roles", "two_arms.reach")
-"""Settings that have no effect on a task without a load, of one arm, or of two hands that do the same."""
+_OF_LOADS, _OF_TWO_ARMS = ("max_load", "load"), ("two_arms",)
+"""Settings that have no effect on a task without a load, or of one arm."""
 
 
 def settings_for(task: Task, settings: Mapping[str, Any]) -> TrialSettings:
     """Return the settings of an environment of ``task`` alone.
 
     Raises:
-        ValueError: an unknown name, a value outside its range, or settings of a load where there is none.
+        ValueError: an unknown name, a value outside its range, or one that has no effect on the task.
     """
     usual, default = TrialSettings(**task.trial), TrialSettings()
     chosen = TrialSettings(**_merged(task.trial, settings))
-    for name, lack in _without_effect(task).items():
+    for name, sentence in without_effect(task).items():
         of = operator.attrgetter(name)
         if of(chosen) not in (of(default), of(usual)):
-            raise ValueError(f"{name} has no effect on {name_of(task)}, whose trials have {lack}: leave it out.")
+            raise ValueError(sentence)
     return chosen
 
 
-def _without_effect(task: Task) -> dict[str, str]:
-    """Return the settings that have no effect on ``task``, and what it has that makes them so."""
-    without = {} if task.has_load else dict.fromkeys(_OF_LOADS, "no load")
+def without_effect(task: Task) -> dict[str, str]:
+    """Return the settings that have no effect on ``task``, each with a sentence that refuses it."""
+    why = {} if task.has_load else dict.fromkeys(_OF_LOADS, "no load")
     if task.n_arms == 1:
-        return without | dict.fromkeys(_OF_TWO_ARMS, "one arm")
-    return without if task.has_roles else without | dict.fromkeys(_OF_ROLES, "the same role for both hands")
+        why |= dict.fromkeys(_OF_TWO_ARMS, "one arm")
+    elif not task.has_roles:
+        why |= dict.fromkeys(OF_ROLES, "roles of their own")
+    words = "{} has no effect on {}, whose trials have {}: leave it out."
+    return {name: words.format(name, name_of(task), has) for name, has in why.items()}
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,9 +65,14 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 def arguments_for(task: Task, settings: TrialSettings) -> dict[str, Any]:
     """Return settings as arguments of an environment of ``task``: those that have an effect there."""
-    without = _without_effect(task)
+    without, default = without_effect(task), TrialSettings()
     names = [field.name for field in dataclasses.fields(settings) if field.name not in without]
-    return {name: getattr(settings, name) for name in names}
+    arguments = {name: getattr(settings, name) for name in names}
+    for outer, _, inner in (name.partition(".") for name in without):
+        if inner:
+            usual = getattr(getattr(default, outer), inner)
+            arguments[outer] = dataclasses.replace(arguments[outer], **{inner: usual})
+    return arguments
 
 
 def name_of(task: Task) -> str:

@@ -12,6 +12,8 @@ from bilateral_rl.envs.quantities import STRICT, NotNegative, Positive
 from bilateral_rl.envs.refusals import refusing_in_a_sentence
 
 Roles = Literal["drawn", "dominant_reaches", "non_dominant_reaches"]
+OF_ROLES = ("two_arms.roles", "two_arms.reach")
+"""Settings that have no effect on a task of two arms that does not draw by them who reaches, and how far."""
 
 
 @refusing_in_a_sentence

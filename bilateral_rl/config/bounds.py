@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import operator
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -22,8 +23,9 @@ from bilateral_rl.config.hyperparameters import (
 )
 from bilateral_rl.config.parse import flat
 from bilateral_rl.config.schema import MAX_SEED, BPTTConfig, RLConfig, TrainConfig
+from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.envs.task_specs import TASK_SPECS
-from bilateral_rl.envs.two_arms import TwoArmSettings
+from bilateral_rl.envs.two_arms import OF_ROLES, TwoArmSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.vocabulary import GROUPS, SIDES, stream_mix, stream_names
 
@@ -34,7 +36,6 @@ SMALLEST, LARGEST = 1e-9, 1e6
 
 _OBSERVED = {1: 16, 2: 40}
 """Numbers in an observation, by the number of arms."""
-_OF_ROLES = ("trial.two_arms.roles", "trial.two_arms.reach")
 _NOISE = 20
 """Normal numbers of a step of an arm, for senses and muscles."""
 _PER_TRIAL = 32
@@ -58,6 +59,7 @@ def check(config: TrainConfig) -> None:
     check_trial(config)
     check_fit(config)
     if config.n_arms == 2:
+        _check_chosen_roles(config)
         _check_tests(config)
     for name, size in _parameters(config):
         if size > MOST_PARAMETERS:
@@ -103,10 +105,24 @@ def check_fit(config: TrainConfig) -> None:
 
 
 def check_roles(settings: Mapping[str, Any], config: TrainConfig) -> None:
-    """Raise a UserError for ``settings`` that say who reaches, and how far, in a task whose hands do the same."""
-    given = [name for name, _ in flat(settings) if name.startswith(_OF_ROLES)]
-    if given and config.n_arms == 2 and not config.make_task().has_roles:
-        raise UserError(f"{given[0]} has no effect on {config.task}, where both hands do the same: leave it out.")
+    """Raise a UserError for ``settings`` that say who reaches, and how far, in a task that does not draw by them."""
+    given = [name for name, _ in flat(settings)]
+    _refuse_roles([name for name in OF_ROLES if f"trial.{name}" in given], config)
+
+
+def _check_chosen_roles(config: TrainConfig) -> None:
+    """Raise the UserError of :func:`check_roles` for what is not as usual, be it of the configuration of a run."""
+    usual = TrialSettings()
+    _refuse_roles([name for name in OF_ROLES if (of := operator.attrgetter(name))(config.trial) != of(usual)], config)
+
+
+def _refuse_roles(names: Sequence[str], config: TrainConfig) -> None:
+    if not names or config.n_arms == 1:
+        return
+    from bilateral_rl.envs.doors import without_effect  # numerical
+
+    if sentence := without_effect(config.make_task()).get(names[0]):
+        raise UserError(f"trial.{sentence}")
 
 
 def _check_tests(config: TrainConfig) -> None:

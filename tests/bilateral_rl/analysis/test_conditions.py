@@ -4,6 +4,9 @@ import pytest
 
 from bilateral_rl.analysis.conditions import conditions
 from bilateral_rl.config.resolve import resolve
+from bilateral_rl.envs import ArmVecEnv
+from bilateral_rl.envs.doors import arguments_for
+from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 
 REACH, HOLD = resolve(None, "random_reach", []), resolve(None, "hold_position", [])
@@ -43,6 +46,13 @@ def test_supervised_networks_are_tested_with_noise_and_delay_too():
 def test_what_changes_nothing_or_cannot_be_is_refused(config, task, settings, says):
     with pytest.raises(UserError, match=says):
         conditions(config, task, settings)
+
+
+def test_a_run_that_chose_roles_can_be_tested_where_there_is_nothing_to_choose():
+    run = resolve("bptt", "reach_and_hold", [{"trial": {"two_arms": {"roles": "dominant_reaches"}}}])
+    task = make_task("two_holds")
+    arms = ArmVecEnv(1, task, **arguments_for(task, conditions(run, "two_holds").settings))
+    assert (arms.two_arms.roles, arms.two_arms.spring.stiffness) == ("drawn", 50)
 
 
 def test_notes_say_what_is_easily_missed():

@@ -153,7 +153,7 @@ def test_evaluations_and_probes_are_logged_by_hand_and_role(run):
         (("evaluate", "--task", "random_reach"), "learned to move two arms, and random_reach is a task of one arm"),
         (
             ("evaluate", "--task", "two_reaches", "--set", "trial.two_arms.roles=dominant_reaches"),
-            r"trial\.two_arms\.roles has no effect on two_reaches, where both hands do the same",
+            r"trial\.two_arms\.roles has no effect on two_reaches, whose trials have roles of their own",
         ),
         (("lesion", "--retrain", "combination"), "weights that mix the sides, which are fixed in these networks"),
         (("lesion", "--spring", "-1"), "spring must be at least 0, got -1"),

@@ -9,9 +9,9 @@ import yaml
 
 from bilateral_rl.config import code_tasks
 from bilateral_rl.config.code_tasks import allow_code
-from bilateral_rl.config.parse import parse_overrides
+from bilateral_rl.config.parse import merge, parse_overrides
 from bilateral_rl.config.resolve import from_values, resolve, tuned_defaults
-from bilateral_rl.envs import Experiment, HoldPosition, experiment_named
+from bilateral_rl.envs import ArmEnv, Experiment, HoldPosition, experiment_named
 from bilateral_rl.envs.experiments.task import ExperimentTask
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.yaml_files import read_settings
@@ -138,6 +138,22 @@ def test_tasks_of_two_arms_have_their_own_settings_of_trials():
         resolve("bptt", "two_holds", [parse_overrides(["trial.two_arms.spring.stiffness=5000"])])
     with pytest.raises(UserError, match=r"trial\.two_arms has no effect on random_reach, whose trials have one arm"):
         resolve("bptt", None, [parse_overrides(["trial.two_arms.spring.stiffness=50"])])
+
+
+@pytest.mark.parametrize("task", ["two_reaches", "two_holds", "bimanual_reaches"])
+@pytest.mark.parametrize("chosen", [{"roles": "dominant_reaches"}, {"reach": [0.1, 0.15]}], ids=["roles", "reach"])
+def test_roles_are_refused_where_settings_do_not_choose_them_by_the_words_of_the_environments(task, chosen):
+    with pytest.raises(ValueError, match=rf"^two_arms\.{next(iter(chosen))} has no effect on {task}") as of_environment:
+        ArmEnv(task, two_arms=chosen)
+    run = resolve("bptt", task)
+    assert resolve(None, None, [run.to_values()]) == run
+    choice = {"trial": {"two_arms": chosen}}
+    by_hand = merge(run.to_values(), choice)
+    of_another = resolve("bptt", "reach_and_hold", [choice]).to_values()
+    for of_task, layer in ((task, choice), (None, by_hand), (task, of_another)):
+        with pytest.raises(UserError) as refused:
+            resolve("bptt", of_task, [layer])
+        assert str(refused.value) == f"trial.{of_environment.value}"
 
 
 def test_an_experiment_may_stand_in_a_file_of_settings():
