@@ -12,9 +12,9 @@ import numpy as np
 from bilateral_rl.config.bounds import check_fit, check_roles, check_trial
 from bilateral_rl.config.code_tasks import allow_code
 from bilateral_rl.config.parse import flat, merge, plain_values
-from bilateral_rl.config.resolve import from_values
+from bilateral_rl.config.resolve import difference, from_values
 from bilateral_rl.config.schema import TrainConfig
-from bilateral_rl.config.tasks import TaskWords, choose_task
+from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 
@@ -53,7 +53,8 @@ def conditions(
 
     Args:
         config: the run's configuration.
-        task: another task, an experiment or its file, whose settings of trials go over the run's; None for the run's.
+        task: another task, an experiment or its file; None for the run's. Its settings of trials go over the run's, and
+            those that the run has from its own task, such as a spring, stay behind with it.
         settings: nested dictionaries as in config.yaml, such as ``{"trial": {"sensory_noise": 0.01}}``, or changes of
             the experiment, such as ``{"experiment": {"forces": {"curl": 10}}}``.
 
@@ -70,7 +71,10 @@ def conditions(
     values = config.to_values()
     found = choose_task(None if task == config.task else task, [values, settings], config.task)
     experiment = None if found.experiment is None else plain_values(found.experiment)
-    of_task = {} if found.task == config.task else {"trial": found.trial}
+    of_task: Mapping[str, Any] = {}
+    if found.task != config.task:
+        values |= {"trial": difference(values["trial"], TaskChoice(config.task, config.experiment).trial)}
+        of_task = {"trial": found.trial}
     over = {**merge(of_task, settings), "task": found.task}
     changed_config = from_values(merge(values, over) | {"experiment": experiment})
     _check_arms(config, changed_config)

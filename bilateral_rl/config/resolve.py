@@ -147,7 +147,7 @@ def _without_defaults(layer: Mapping[str, Any]) -> Values:
     algo = layer["algo"]
     task = choose_task(None, [layer], TrainConfig.task)
     usual = from_values({"algo": algo} | _usual(algo, task, _initial([layer]))).to_values()
-    return {name: value for name, value in _difference(layer, usual).items() if name not in ("task", "experiment")}
+    return {name: value for name, value in difference(layer, usual).items() if name not in ("task", "experiment")}
 
 
 def _initial(layers: Sequence[Mapping[str, Any]]) -> object:
@@ -168,12 +168,12 @@ def _usual(algo: str, task: TaskChoice, init_from: object) -> Values:
     return merge(values, {"trial": task.trial} if task.trial else {})
 
 
-def _difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:
+def difference(values: Mapping[str, Any], base: Mapping[str, Any]) -> Values:
     """Return the entries of ``values`` that ``base`` does not have or has otherwise."""
     rest: Values = {}
     for key, value in values.items():
         if isinstance(value, Mapping) and isinstance(base.get(key), Mapping):
-            if inner := _difference(value, base[key]):
+            if inner := difference(value, base[key]):
                 rest[key] = inner
         elif key not in base or value != base[key]:
             rest[key] = value

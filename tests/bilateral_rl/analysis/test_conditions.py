@@ -6,6 +6,7 @@ from bilateral_rl.analysis.conditions import conditions
 from bilateral_rl.config.resolve import resolve
 from bilateral_rl.envs import ArmVecEnv
 from bilateral_rl.envs.doors import arguments_for
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 
@@ -20,6 +21,21 @@ def test_the_conditions_are_those_of_the_training_unless_others_are_chosen():
     assert under.changed == {"task": "hold_position", "trial.max_load": 4.0, "trial.feedback_delay": 2}
     assert under.notes == ()
     assert conditions(REACH, "random_reach", {"trial": {"trial_length": 50}}).changed == {}
+
+
+def test_what_a_task_brings_stays_with_it_and_what_was_chosen_goes_along():
+    tied, two = resolve(None, "reach_and_hold", []), "two_reaches"
+    own = {"trial": {"two_arms": {"spring": {"stiffness": 20}}}}
+    assert conditions(tied).settings.two_arms.spring.stiffness == 50
+    under = conditions(tied, two)
+    assert under.settings.two_arms.spring.stiffness == 0
+    assert under.changed == {"task": two, "trial.two_arms.spring.stiffness": 0.0}
+    assert conditions(resolve(None, two, []), "reach_and_hold").settings == tied.trial
+    assert conditions(resolve(None, "reach_and_hold", [own]), two).settings.two_arms.spring.stiffness == 20
+    places = {"start": {"joints": "uniform"}, "target": {"joints": "uniform"}}
+    delayed = resolve(None, Experiment(name="seen_late", **places, trial={"vision_delay": 5}), [])
+    assert conditions(delayed).settings.vision_delay == 5
+    assert conditions(delayed, "random_reach").settings.vision_delay is None
 
 
 def test_supervised_networks_are_tested_with_noise_and_delay_too():
@@ -52,7 +68,7 @@ def test_a_run_that_chose_roles_can_be_tested_where_there_is_nothing_to_choose()
     run = resolve("bptt", "reach_and_hold", [{"trial": {"two_arms": {"roles": "dominant_reaches"}}}])
     task = make_task("two_holds")
     arms = ArmVecEnv(1, task, **arguments_for(task, conditions(run, "two_holds").settings))
-    assert (arms.two_arms.roles, arms.two_arms.spring.stiffness) == ("drawn", 50)
+    assert (arms.two_arms.roles, arms.two_arms.spring.stiffness) == ("drawn", 0)
 
 
 def test_notes_say_what_is_easily_missed():
