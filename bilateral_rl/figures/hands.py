@@ -31,6 +31,11 @@ def hand_label(hand: str, role: str | None = None) -> str:
     return f"{words}, {role}" if role else words
 
 
+def spring_in_words(stiffness: float) -> str:
+    """Return whether a spring of this stiffness (N/m) ties the hands, as a sentence."""
+    return f"A spring of {stiffness:g} N/m ties the hands." if stiffness else "No spring ties the hands."
+
+
 def by_hand_and_role(record: TrialRecord) -> dict[str, NDArray[np.bool_]]:
     """Return which rows (n,) of a record are of each hand in each role, by words for it; of one arm all, by none."""
     plan = record.plan

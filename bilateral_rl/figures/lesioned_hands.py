@@ -15,7 +15,7 @@ from bilateral_rl.analysis.hands import contralesional_hand
 from bilateral_rl.analysis.intervals import Interval
 from bilateral_rl.analysis.metric import Metric, Role, of_hands
 from bilateral_rl.analysis.results import State, protocol_words, protocols_in
-from bilateral_rl.figures.hands import HAND_STYLES, hand_label
+from bilateral_rl.figures.hands import HAND_STYLES, hand_label, spring_in_words
 from bilateral_rl.figures.labels import axis_label, model_label, task_label
 from bilateral_rl.figures.lesion_places import (
     WIDTH,
@@ -76,7 +76,7 @@ def lesioned_hands(results: pd.DataFrame, task: str, metric: Metric, model: str,
     label_places(all_axes[-1], lesions)
     _set_limits(all_axes[-1], shown)
     _set_legend(figure, f"{task_label(task)}, {model_label(model)}: each hand after lesions", hands, rows)
-    tied = f"A spring of {spring:g} N/m ties the hands." if spring else "No spring ties the hands."
+    tied = spring_in_words(spring)
     cut = any(mean.n > 1 and mean.high > all_axes[-1].get_ylim()[1] for mean in means)
     note = [marks_in_words(means), f"{tied} Longer bars are cut off." if cut else tied]
     if any(map(contralesional_hand, lesions)):

@@ -35,6 +35,8 @@ from bilateral_rl.figures.style import (
 
 _PANEL_HEIGHT, _REST_HEIGHT, _LEGEND_LINE = 1.6, 1.25, 0.16
 """Heights (inches): of a panel, of what is above and below all, and of each protocol in the legend."""
+_NOTE_LINE = 0.2
+"""Height (inches) of what the note says of two hands."""
 _MOST_COLUMNS = 4
 """Most protocols that fit side by side; more go on in a panel below."""
 
@@ -45,6 +47,7 @@ def lesion_effects(
     metric: MetricLike,
     models: Sequence[str],
     protocols: Sequence[str] | None = None,
+    hands: str = "",
 ) -> Figure:
     """Draw a metric after each lesion, protocols side by side, a panel a model or more where protocols are many.
 
@@ -58,13 +61,15 @@ def lesion_effects(
         metric: what to draw.
         models: of which models, from the top.
         protocols: names of the protocols, from the left; None for all that the table has.
+        hands: what the note says of two hands, of which a value is the mean; "" of one arm.
     """
     rows = results[(results["task"] == task) & (results["metric"] == metric.name) & results["model"].isin(list(models))]
     lesions = lesions_in(rows)
     styles = protocol_styles(protocols_in(rows) if protocols is None else protocols)
     panels = [(model, part) for model in models for part in _parts([*styles])]
     first, with_control = next(iter(styles)), has_control(rows)
-    figure = new_figure(_REST_HEIGHT + _PANEL_HEIGHT * len(panels) + _LEGEND_LINE * (len(styles) + with_control))
+    rest = _REST_HEIGHT + _NOTE_LINE * bool(hands) + _LEGEND_LINE * (len(styles) + with_control)
+    figure = new_figure(rest + _PANEL_HEIGHT * len(panels))
     all_axes = figure.subplots(len(panels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     means: list[Interval] = []
     for axes, (model, part) in zip(all_axes, panels, strict=True):
@@ -74,7 +79,7 @@ def lesion_effects(
     label_places(all_axes[-1], lesions)
     set_title_and_legend(figure, f"{task_label(task)}: lesions", *_legend(styles, with_control))
     dash = "" if all(mean.n for mean in means) else " –: no value."
-    set_note(figure, f"{marks_in_words(means)}\nDashed line: mean of the intact network.{dash}")
+    set_note(figure, f"{marks_in_words(means)}\nDashed line: mean of the intact network.{dash}\n{hands}")
     return figure
 
 

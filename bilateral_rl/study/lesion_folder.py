@@ -15,12 +15,13 @@ from typing import Any
 import pandas as pd
 from torch.utils.tensorboard import SummaryWriter
 
-from bilateral_rl.analysis.metric import Metric
+from bilateral_rl.analysis.metric import ROLES, Metric
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
 from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import FRESH, protocols_in, read_results
 from bilateral_rl.config.parse import build, plain
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.figures.hands import spring_in_words
 from bilateral_rl.figures.lesioned_hands import lesioned_hands
 from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
@@ -92,13 +93,13 @@ class LesionFolder:
             self._write_events(results)
 
     def _draw(self, results: pd.DataFrame, config: TrainConfig) -> None:
-        """Write the figures: both hands together by each metric and, of two arms, each by itself by the error."""
-        metrics = lesion_metrics(config)
-        for metric in metrics:
-            save(lesion_effects(results, config.task, metric, [config.model]), self.path / f"lesions_{metric.name}")
-        error, spring = metrics[-1], config.trial.two_arms.spring.stiffness
-        if by_hand := lesioned_hands(results, config.task, error, config.model, spring):
-            save(by_hand, self.path / f"lesions_{error.name}_by_hand")
+        """Write the figures of each metric: both hands together and, of two arms, each by itself."""
+        task, model, spring = config.task, config.model, config.trial.two_arms.spring.stiffness
+        for metric in lesion_metrics(config):
+            path = self.path / f"lesions_{metric.name}"
+            save(lesion_effects(results, task, metric, [model], hands=_hands_in_words(metric, config)), path)
+            if by_hand := lesioned_hands(results, task, metric, model, spring):
+                save(by_hand, path.with_name(f"{path.name}_by_hand"))
 
     def _write_events(self, results: pd.DataFrame) -> None:
         """Write the mean over the seeds of each metric and lesion, a line for each protocol and for its control."""
@@ -198,6 +199,15 @@ def lesion_metrics(config: TrainConfig) -> Sequence[Metric]:
         find_metric("final_error"),
     )
     return [preferred, error if preferred.condition is None else error.within(preferred.condition)]
+
+
+def _hands_in_words(metric: Metric, config: TrainConfig) -> str:
+    """Say that a value is the mean of both hands, in which role, and what ties them; "" of one arm."""
+    if config.n_arms == 1:
+        return ""
+    roles = {metric.part.role} if metric.part.role else config.make_task().roles
+    doing = " and ".join(f"where they {role}" for role in ROLES if role in roles)
+    return f"Values are means of both hands, {doing}. {spring_in_words(config.trial.two_arms.spring.stiffness)}"
 
 
 def _up_to_date(description: Mapping[str, Any]) -> dict[str, Any]:

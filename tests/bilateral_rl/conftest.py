@@ -153,7 +153,7 @@ def undrawn(monkeypatch):
     """Figures take a second each."""
     monkeypatch.setattr(lesion_folder, "save", lambda figure, path: None)
     for draw in ("lesion_effects", "lesioned_hands"):
-        monkeypatch.setattr(lesion_folder, draw, lambda *arguments: None)
+        monkeypatch.setattr(lesion_folder, draw, lambda *_, **__: None)
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from rl_runs import curves, small_rl
 from bilateral_rl.api.run import load
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.runs.folder import RunFolder
+from bilateral_rl.study import lesion_folder
 from bilateral_rl.training.lesion_probe import LesionProbe
 from bilateral_rl.training.probe_table import PROBE, read_probe
 from bilateral_rl.training.run import train
@@ -88,7 +89,11 @@ def test_another_task_of_two_arms_is_tested_with_a_lesion(invoke, run):
     assert [row[0] for row in rows(out) if row[1] == "16"] == ["hold"]
 
 
-def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run):
+def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run, monkeypatch):
+    notes = {}
+    monkeypatch.setattr(
+        lesion_folder, "save", lambda figure, path: notes.update({path.name: figure.get_supxlabel().replace("\n", " ")})
+    )
     _, out = invoke("lesion", run.path, "--trials", 8, "--no-retrain", "--no-control", "--lesion", "deep_non_dominant")
     names = [row[0] for row in rows(out) if len(row) == 2]
     begin = names.index("Final error, hands that hold")
@@ -97,7 +102,16 @@ def test_lesions_are_told_of_each_hand_and_its_side_of_the_lesion(invoke, run):
         "deep non-dominant", "ipsilesional (dominant)", "contralesional (non-dominant)",
     ]  # fmt: skip
     assert "spring of 50 N/m between the hands" in out
-    assert run.path.with_name(f"{run.path.name}-lesions").joinpath("lesions_final_error_by_hand.png").is_file()
+    whose = {
+        "lesions_goal_completion_5cm": "Values are means of both hands, where they reach.",
+        "lesions_goal_completion_5cm_by_hand": "",
+        "lesions_final_error": "Values are means of both hands, where they reach and where they hold.",
+        "lesions_final_error_by_hand": "",
+    }
+    assert notes.keys() == whose.keys()
+    for name, words in whose.items():
+        assert words in notes[name]
+        assert "A spring of 50 N/m ties the hands." in notes[name]
     _, out = invoke("compare", run.path, "--metric", "final_error_of_non_dominant_hold")
     assert "Final error, non-dominant hand that holds (cm)" in out
 

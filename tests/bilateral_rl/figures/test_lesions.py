@@ -94,6 +94,13 @@ def test_a_network_without_hemispheres_stands_in_the_middle(make_results, comple
     assert assert_texts_are_apart(figure) > 5
 
 
+def test_the_note_says_what_a_value_of_two_hands_is(make_results, completion, values, assert_texts_are_apart):
+    hands = "Values are means of both hands, where they reach. A spring of 50 N/m ties the hands."
+    figure = lesion_effects(make_results(completion, values), "random_reach", completion, ["cc_s"], hands=hands)
+    assert figure.get_supxlabel().endswith(hands)
+    assert_texts_are_apart(figure)
+
+
 def test_a_line_goes_through_the_intact_mean(make_results, completion, values, artists):
     figure = lesion_effects(make_results(completion, values), "random_reach", completion, ["cc_s"])
     (line,) = artists(figure.axes[0], "intact")
