@@ -18,7 +18,8 @@ from bilateral_rl.config.code_tasks import confirm_code
 from bilateral_rl.config.parse import plain_values
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT
-from bilateral_rl.study.lesion_folder import RESULTS, lesion_command, lesion_metrics
+from bilateral_rl.study.lesion_description import lesion_command
+from bilateral_rl.study.lesion_folder import RESULTS, lesion_metrics
 
 
 def lesion(

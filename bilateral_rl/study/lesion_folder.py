@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import shlex
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +16,8 @@ from torch.utils.tensorboard import SummaryWriter
 
 from bilateral_rl.analysis.metric import ROLES, Metric
 from bilateral_rl.analysis.metrics import find_metric, preferred_metric
-from bilateral_rl.analysis.protocols import DEFAULT_PROTOCOLS, Protocol
 from bilateral_rl.analysis.results import FRESH, protocols_in, read_results
-from bilateral_rl.config.parse import build, plain
+from bilateral_rl.config.parse import plain
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.figures.hands import spring_in_words
 from bilateral_rl.figures.lesioned_hands import lesioned_hands
@@ -27,14 +25,13 @@ from bilateral_rl.figures.lesions import lesion_effects
 from bilateral_rl.figures.saving import save
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.files import refuse_traps, replacing
-from bilateral_rl.runs.folder import FINAL, RunFolder
+from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.study.folder import new_folder
+from bilateral_rl.study.lesion_description import differences, lesion_command, up_to_date
 from bilateral_rl.study.lesioning import LesionSettings
-from bilateral_rl.study.provenance import SOURCE, describe_source, is_stale, source_path
+from bilateral_rl.study.provenance import describe_source, is_stale, source_path
 
 RESULTS, SETTINGS = "lesions.csv", "settings.json"
-_NO_TREATMENT = {*SOURCE, "threads", "device"} - {"weights"}
-"""Entries of ``settings.json`` in which two studies may differ and still be the same one."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +156,7 @@ class LesionFolder:
 
     def _description(self) -> dict[str, Any]:
         description = RunFolder(self.path).read_json(SETTINGS, default={})
-        return _up_to_date(description) if isinstance(description, dict) else {}
+        return up_to_date(description) if isinstance(description, dict) else {}
 
     def _check_writable(self) -> None:
         refuse_traps(self.path)
@@ -172,12 +169,11 @@ class LesionFolder:
         stored = RunFolder(self.path).read_json(SETTINGS, default={})
         if not isinstance(stored, dict):
             raise UserError(f"{self.path / SETTINGS} does not say how lesions were made; choose another --out.")
-        stored = _up_to_date(stored)
-        for name in description.keys() - _NO_TREATMENT:
-            if stored.get(name, description[name]) != description[name]:
-                raise UserError(
-                    f"{self.path} holds lesions made with other settings ({name}); choose another --out, or remove it."
-                )
+        stored = up_to_date(stored)
+        if differing := "; ".join(differences(stored, description)):
+            raise UserError(
+                f"{self.path} holds lesions made with other settings ({differing}); choose another --out, or remove it."
+            )
         if stored and is_stale(stored, run) is not False and not self._is_of(run, stored):
             raise UserError(f"{self.path} holds the lesions of another run; choose another --out, or remove it.")
 
@@ -208,51 +204,3 @@ def _hands_in_words(metric: Metric, config: TrainConfig) -> str:
     roles = {metric.part.role} if metric.part.role else config.make_task().roles
     doing = " and ".join(f"where they {role}" for role in ROLES if role in roles)
     return f"Values are means of both hands, {doing}. {spring_in_words(config.trial.two_arms.spring.stiffness)}"
-
-
-def _up_to_date(description: Mapping[str, Any]) -> dict[str, Any]:
-    """The same entries as those of this version: 0.1.0 only knew whether the output layer was retrained, too."""
-    retrain = description.get("retrain")
-    if not isinstance(retrain, bool) or "protocols" in description:
-        return dict(description)
-    protocols = [Protocol("none"), *([Protocol("output")] if retrain else [])]
-    entries = {name: value for name, value in description.items() if name != "retrain"}
-    return entries | {"protocols": [dataclasses.asdict(protocol) for protocol in protocols]}
-
-
-def lesion_command(name: str, description: Mapping[str, Any]) -> str:
-    """Return the command that makes lesions of a run.
-
-    Args:
-        name: RUN or RUN:SEED, as the commands take it.
-        description: entries of ``settings.json``; what it leaves out is as usual.
-    """
-    defaults, words = LesionSettings(), ["bilateral-rl", "lesion", name]
-    lesions = description.get("lesions")
-    for lesion in lesions if isinstance(lesions, list) else ():
-        words += ["--lesion", lesion]
-    words += _protocol_options(description)
-    if description.get("control") is False:
-        words.append("--no-control")
-    usual = {"profile": None, "spring": None, "trials": defaults.trials, "seed": defaults.seed, "weights": FINAL}
-    for option, default in usual.items():
-        value = description.get(option, default)
-        if value != default:
-            words += [f"--{option}", _number(value) if isinstance(value, float) else value]
-    return shlex.join(map(str, words))
-
-
-def _number(value: float) -> str:
-    """The shortest text of a number."""
-    return repr(value).removesuffix(".0")
-
-
-def _protocol_options(description: Mapping[str, Any]) -> list[str]:
-    """The options that ask for the protocols described."""
-    try:
-        names = [build(Protocol, values).name for values in description["protocols"]]
-    except (KeyError, TypeError, UserError):  # nobody says, or not in words that are known
-        return []
-    if names == [protocol.name for protocol in DEFAULT_PROTOCOLS]:
-        return []
-    return ["--no-retrain"] if names == ["none"] else [word for name in names for word in ("--retrain", name)]

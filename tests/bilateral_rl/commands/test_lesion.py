@@ -203,9 +203,12 @@ def test_a_second_call_replaces_what_the_first_one_left_unless_the_settings_are_
     assert len(left) == 3
     assert left[0].startswith("events.out.tfevents.")
     before = (tmp_path / PLACE / "lesions.csv").read_bytes()
-    code, _, err = call(*command, "--lesion", "deep_dominant")
+    code, _, err = call(*command[:2], "--trials", 6, "--lesion", "deep_dominant")
     assert code == 2
-    assert "other settings" in err
+    assert " ".join(err.split()).endswith(
+        "other settings (lesions: callosum there and deep_dominant asked for; protocols: none there and none, output, "
+        "everything asked for; trials: 4 there and 6 asked for); choose another --out, or remove it."
+    )
     assert (tmp_path / PLACE / "lesions.csv").read_bytes() == before
 
 

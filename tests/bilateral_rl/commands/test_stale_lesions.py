@@ -138,7 +138,9 @@ def test_the_lesions_of_another_run_are_not_replaced(ok, refused, trained, undra
     ok("lesion", str(other), *FLAGS, "--out", "x")  # of the same weights
     train_further(trained)
     assert "x holds the lesions of another run" in refused("lesion", RUN, *FLAGS, "--out", "x")
-    assert "with other settings (networks)" in refused("lesion", f"{other}:1", *FLAGS, "--out", "x")
+    assert "with other settings (networks: 0, 1, 2 there and 1 asked for)" in refused(
+        "lesion", f"{other}:1", *FLAGS, "--out", "x"
+    )
     as_of_0_1_0(tmp_path / "x", other)
     assert "x holds the lesions of another run" in refused("lesion", RUN, *FLAGS, "--out", "x")
 
@@ -214,7 +216,7 @@ def test_lesions_of_version_0_1_0_are_compared_and_made_anew_by_the_same_protoco
     out = ok("compare", RUN)
     assert ("output layer retrained" in out) == retrain
     assert f"call `bilateral-rl lesion {RUN} {' '.join(flags)}`" in out
-    assert "with other settings (protocols)" in refused("lesion", RUN, "--lesion", "callosum", "--trials", "4")
+    assert "with other settings (protocols: " in refused("lesion", RUN, "--lesion", "callosum", "--trials", "4")
     ok("lesion", RUN, *flags)
     assert set(read_results(tmp_path / LESIONS / "lesions.csv")["network"]) == {"trained", "fresh"}
 

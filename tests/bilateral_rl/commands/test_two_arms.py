@@ -121,7 +121,8 @@ def test_lesions_with_another_spring_have_a_place_of_their_own(invoke, run, undr
     place = run.path.with_name(f"{run.path.name}-lesions")
     _, out = invoke("lesion", run.path, *few)
     tied = (place / "lesions.csv").read_bytes()
-    with pytest.raises(UserError, match=r"lesions made with other settings \(spring\); choose another --out"):
+    differing = r"with other settings \(spring: the run's own there and 0 asked for\); choose another --out"
+    with pytest.raises(UserError, match=differing):
         invoke("lesion", run.path, *few, "--spring", 0)
     assert (place / "lesions.csv").read_bytes() == tied
     (command,) = re.findall("without it: bilateral-rl (.*)", out)
