@@ -31,7 +31,10 @@ class Conditions:
     config: TrainConfig
     """The run's configuration, with the task and the trials of the test."""
     changed: Mapping[str, Any]
-    """What differs from the training, by the name in config.yaml: ``{"trial.sensory_noise": 0.01}``."""
+    """What differs from the training, by the name in config.yaml: ``{"trial.sensory_noise": 0.01}``.
+
+    Of another task it is the task, and what differs from the settings that this has by itself, be it from the training.
+    """
     notes: tuple[str, ...] = ()
     """Sentences on what these changes mean where that is easily missed."""
 
@@ -81,7 +84,8 @@ def conditions(
     check_trial(changed_config)
     check_fit(changed_config)
     _refuse_without_effect(config, changed_config, settings)
-    changed = dict(_differences(config, changed_config))
+    own = choose_task(task, [values], config.task)
+    changed = _differences(config, changed_config, own if own.task == found.task else found)
     notes = tuple(_notes(config.trial, changed_config.trial))
     return Conditions(changed_config, changed, notes)
 
@@ -96,13 +100,15 @@ def _check_arms(config: TrainConfig, changed: TrainConfig) -> None:
         )
 
 
-def _differences(config: TrainConfig, changed: TrainConfig) -> Iterator[tuple[str, Any]]:
-    """Yield what differs by its name; of another experiment the name says it all."""
-    before, after = config.to_values(), changed.to_values()
-    if config.task != changed.task:
-        before["experiment"] = after["experiment"] = None
-    known = dict(flat(before))
-    return ((name, value) for name, value in flat(after) if name not in known or value != known[name])
+def _differences(config: TrainConfig, changed: TrainConfig, own: TaskChoice) -> dict[str, Any]:
+    """Return what differs by its name: from the training or, in another task, from what that has by itself."""
+    usual = config.to_values()
+    if changed.task != config.task:
+        experiment = None if own.experiment is None else plain_values(own.experiment)
+        usual = from_values(changed.to_values() | {"trial": own.trial, "experiment": experiment}).to_values()
+        usual["task"] = config.task  # which is told as a change
+    known = dict(flat(usual))
+    return {name: value for name, value in flat(changed.to_values()) if name not in known or value != known[name]}
 
 
 def _refuse_without_effect(config: TrainConfig, changed: TrainConfig, settings: Mapping[str, Any]) -> None:

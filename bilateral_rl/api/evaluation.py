@@ -33,7 +33,7 @@ class Evaluation:
     config: TrainConfig
     """Of the run, with the task and the trials of the test."""
     under: Conditions
-    """In what the test differs from the training."""
+    """Under what the networks were tested."""
     lesion: str
     """The lesion that the networks had, or "intact"."""
     records: Mapping[int, TrialRecord]
@@ -75,7 +75,7 @@ class Evaluation:
         return [metric for metric in found if metric.condition is metric.hand is None]
 
     def _labelled(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Add what holds for every row: lesion, task, and settings other than the training's."""
+        """Add what holds for every row: lesion, task, and settings that are told as changed."""
         labels = {"lesion": self.lesion, "task": self.under.task, **self.under.changed}
         return table.assign(**{name: [value] * len(table) for name, value in labels.items()})
 

@@ -81,7 +81,7 @@ def evaluate(
 
 
 def _deviations(made: api.Evaluation) -> Iterator[str]:
-    """Say in what the test differs from the training."""
+    """Say what is lesioned, and in what the test differs from the training or from another task's usual test."""
     if made.lesion != INTACT:
         yield f"lesion: {lesion_words(made.lesion)}"
     for name, value in made.under.changed.items():

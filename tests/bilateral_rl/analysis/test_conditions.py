@@ -29,13 +29,26 @@ def test_what_a_task_brings_stays_with_it_and_what_was_chosen_goes_along():
     assert conditions(tied).settings.two_arms.spring.stiffness == 50
     under = conditions(tied, two)
     assert under.settings.two_arms.spring.stiffness == 0
-    assert under.changed == {"task": two, "trial.two_arms.spring.stiffness": 0.0}
+    assert under.changed == {"task": two}
     assert conditions(resolve(None, two, []), "reach_and_hold").settings == tied.trial
     assert conditions(resolve(None, "reach_and_hold", [own]), two).settings.two_arms.spring.stiffness == 20
     places = {"start": {"joints": "uniform"}, "target": {"joints": "uniform"}}
     delayed = resolve(None, Experiment(name="seen_late", **places, trial={"vision_delay": 5}), [])
     assert conditions(delayed).settings.vision_delay == 5
     assert conditions(delayed, "random_reach").settings.vision_delay is None
+
+
+def test_in_another_task_what_it_does_not_have_by_itself_is_told():
+    tied, two, spring = resolve(None, "reach_and_hold", []), "two_reaches", "trial.two_arms.spring.stiffness"
+    as_trained = {"trial": {"two_arms": {"spring": {"stiffness": 50}}}}
+    assert conditions(tied, two, as_trained).changed == {"task": two, spring: 50.0}
+    assert conditions(tied, None, as_trained).changed == {}
+    noisy = resolve(None, "random_reach", [{"trial": {"sensory_noise": 0.01}}])
+    assert conditions(noisy).changed == {}
+    assert conditions(noisy, "hold_position").changed == {"task": "hold_position", "trial.sensory_noise": 0.01}
+    under = conditions(REACH, "curl_field", {"experiment": {"forces": {"curl": 9}}})
+    assert under.changed == {"task": "curl_field", "experiment.forces.curl": 9}
+    assert conditions(resolve(None, "curl_field", []), "random_reach").changed == {"task": "random_reach"}
 
 
 def test_supervised_networks_are_tested_with_noise_and_delay_too():

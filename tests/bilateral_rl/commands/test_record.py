@@ -45,7 +45,8 @@ def test_one_network_on_another_task_with_other_settings(invoke, trained, tmp_pa
         assert 0 < np.abs(data["load"]).max() <= 3
         np.testing.assert_array_equal(data["distance"][:, 0], 0)
         said = json.loads(str(data["metadata"]))
-    assert said["changed"] == {"task": "hold_position", "trial.max_load": 3.0, "trial.arm.timestep": 0.005}
+    trial = {"trial.trial_length": 20, "trial.max_load": 3.0, "trial.arm.timestep": 0.005}  # the length goes along
+    assert said["changed"] == {"task": "hold_position", **trial}
 
 
 MISTAKES = [
