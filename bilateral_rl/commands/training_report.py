@@ -30,13 +30,14 @@ def _measures_table(records: Mapping[int, TrialRecord], config: TrainConfig, tit
     for column in ("goal completion", "speed to goal", "time in goal"):
         table.add_column(column, justify="right")
     rows = [summaries(record, config.trial.threshold) for record in records.values()]
+    reaches = any((record.plan.role == "reach").any() for record in records.values())  # any network completes a hold
     for radius in rows[0]:
         values = [row[radius] for row in rows]
         own = "[bold]" if math.isclose(radius, config.trial.threshold) else ""
         table.add_row(
             f"{own}{in_centimeters(radius)} cm",
-            f"{own}{_spread(values, 'goal_completion_percent', 1)} %",
-            f"{own}{_speed_to_goal(values)}",
+            f"{own}{_spread(values, 'goal_completion_percent', 1)} %" if reaches else "–",
+            f"{own}{_speed_to_goal(values)}" if reaches else "–",
             f"{own}{_spread(values, 'time_in_goal_steps', 1)} of {config.trial.trial_length} steps",
         )
     values = [row[config.trial.threshold] for row in rows]

@@ -40,9 +40,10 @@ def test_train_then_evaluate_then_list(call, tmp_path):
     assert (code, err) == (0, "")
     table = json.loads((tmp_path / "t.json").read_text())
     assert list(table["by_threshold_m"]) == ["0.02", "0.03", "0.05"]
-    printed = re.search(r"5 cm\s+│\s+([\d.]+) %", out)
+    printed = re.search(r"5 cm\s+│ +– │ +– │ +([\d.]+) of 50 steps", out)  # a hold starts in its goal
     assert printed
-    assert float(printed[1]) == pytest.approx(table["by_threshold_m"]["0.05"]["goal_completion_percent"], abs=0.05)
+    assert float(printed[1]) == pytest.approx(table["by_threshold_m"]["0.05"]["time_in_goal_steps"], abs=0.051)
+    assert table["by_threshold_m"]["0.05"]["goal_completion_percent"] == 100
     assert len(pd.read_csv(tmp_path / "t.csv")) == 16
     percent = [table["sides"][f"contribution_percent_{side}"] for side in SIDES]
     assert sum(percent) == pytest.approx(100)

@@ -46,7 +46,7 @@ def test_train_says_what_it_does_what_came_of_it_and_what_is_next(call, tmp_path
     for epoch in (1, 2, 3):
         judged = r"\d+ of \d+ steps in goal, final error"
         assert re.search(rf"epoch +{epoch}, 2 of 2 seeds training, validation loss \d\.\d+: {judged}", out)
-    assert percentages(out)[1] is not None
+    assert re.search(r"5 cm +│ +– │ +– │ +[\d.]+ ± [\d.]+ of 20 steps", out)  # a hold, which starts in its goal
     assert "mean ± standard deviation over 2 seeds" in text
     assert re.search(r"Sides: dominant \d+ ± \d+ %, non-dominant \d+ ± \d+ % of the commands' modulation", text)
     for line in (f"Saved in {run}", f"bilateral-rl evaluate {run}", "tensorboard --logdir runs"):

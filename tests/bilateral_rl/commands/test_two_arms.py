@@ -86,6 +86,7 @@ def test_another_task_of_two_arms_is_tested_with_a_lesion(invoke, run):
     _, out = invoke("evaluate", run.path, "--trials", 8, "--task", "two_holds", "--set", "trial.max_load=5",
                     "--lesion", "deep_dominant", "--by", "role")  # fmt: skip
     assert "two_holds" in out
+    assert "100.0 %" not in out.split("What each side")[0]  # a hold, which starts in its goal, completes none
     assert [row[0] for row in rows(out) if row[1] == "16"] == ["hold"]
 
 
