@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from bilateral_rl.config.bounds import check_fit, check_roles, check_trial
 from bilateral_rl.config.code_tasks import allow_code
+from bilateral_rl.config.loads import check_loads
 from bilateral_rl.config.parse import flat, merge, plain_values
 from bilateral_rl.config.resolve import difference, from_values
 from bilateral_rl.config.schema import TrainConfig
@@ -18,8 +17,6 @@ from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 
-_OF_LOADS = ("trial.load", "trial.max_load")
-"""Settings that act in tasks with a load alone."""
 _SCALES = ("optimal_muscle_length", "normalized_max_velocity")
 """What muscle lengths and velocities are divided by before a policy sees them."""
 
@@ -83,7 +80,8 @@ def conditions(
     _check_arms(config, changed_config)
     check_trial(changed_config)
     check_fit(changed_config)
-    _refuse_without_effect(config, changed_config, settings)
+    check_roles(settings, changed_config)
+    check_loads(settings, changed_config)
     own = choose_task(task, [values], config.task)
     changed = _differences(config, changed_config, own if own.task == found.task else found)
     notes = tuple(_notes(config.trial, changed_config.trial))
@@ -109,20 +107,6 @@ def _differences(config: TrainConfig, changed: TrainConfig, own: TaskChoice) -> 
         usual["task"] = config.task  # which is told as a change
     known = dict(flat(usual))
     return {name: value for name, value in flat(changed.to_values()) if name not in known or value != known[name]}
-
-
-def _refuse_without_effect(config: TrainConfig, changed: TrainConfig, settings: Mapping[str, Any]) -> None:
-    """Raise a UserError for settings of loads, or of roles, in a task whose trials stay the same by them."""
-    check_roles(settings, changed)
-    of_loads = [name for name, _ in flat(settings) if name in _OF_LOADS]
-    if not of_loads:
-        return
-    task = changed.make_task()
-    uniform = np.random.default_rng(0).random((16, task.n_uniform))
-    small = task.trials(uniform, dataclasses.replace(changed.trial, load="axes", max_load=1.0))
-    large = task.trials(uniform, dataclasses.replace(changed.trial, load="direction", max_load=2.0))
-    if np.array_equal(small.load, large.load):
-        raise UserError(f"{of_loads[0]} changes nothing in {changed.task}, which draws no load: leave it out.")
 
 
 def _notes(trained: TrialSettings, tested: TrialSettings) -> Iterator[str]:

@@ -15,6 +15,7 @@ from bilateral_rl.api.progress import ProgressLike, TrainingProgress, console_of
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.code_tasks import allow_code, confirm_code
+from bilateral_rl.config.loads import check_loads
 from bilateral_rl.config.parse import Values, nested
 from bilateral_rl.config.resolve import check_penalty, resolve
 from bilateral_rl.config.schema import TrainConfig
@@ -129,9 +130,11 @@ def start(
     named = {name: value for name, value in chosen.items() if value is not None}
     if seeds is not None:
         named |= parse_seeds(seeds, "--seed" if "seed" in named else "").settings
+    by_hand = layers[-1]
     layers = [*layers, nested(named)]
     config = resolve(algo, task, layers, model=model)
     check_penalty(layers, config)
+    check_loads(by_hand, config)
     return _run(training.prepare(config), out, progress)
 
 

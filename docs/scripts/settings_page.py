@@ -58,7 +58,7 @@ HEAD = """# Every setting
 A run's `config.yaml` holds all of these, resolved. Change one with `--set`, or several with a file:
 
 ```sh
-bilateral-rl train --set ppo.gamma=0.9 --set trial.max_load=5
+bilateral-rl train --task hold_position --set ppo.gamma=0.9 --set trial.max_load=5
 bilateral-rl train --config mine.yaml
 ```
 

@@ -95,6 +95,7 @@ MISTAKES = [
     (["train", "--n-envs", "0"], "n_envs"),
     (["train", "--units", "7"], "odd"),
     (["train", "--set", "timesteps=2020-99-99"], "neither"),
+    (["train", "--set", "trial.max_load=5"], "trial.max_load changes nothing in random_reach, which draws no load"),
     (["train", "--config", "missing.yaml"], "missing.yaml"),
     (["train", "--resume", "runs/none"], "no run"),
     (["train", "--resume", "runs/none", "--out", "x"], "--out"),
