@@ -69,6 +69,15 @@ def test_a_tutorial_can_be_done_as_it_is_written(name, workshop, monkeypatch):
         assert (workshop / path).exists(), f"{name} says that there is a {path}"
 
 
+def test_what_a_tutorial_makes_is_apart_from_what_its_reader_has_trained():
+    """Else its run would be number 2, and all that follows would be about number 1, another network."""
+    made = re.compile(r"^bilateral-rl (?:train|import) .*", re.MULTILINE)
+    for path in FOLDER.glob("*.md"):
+        fenced = re.findall(r"```\w+\n(.*?)```", path.read_text(encoding="utf-8"), re.DOTALL)
+        for line in made.findall("".join(fenced).replace("\\\n", " ")):
+            assert " --out runs/" in line, (path.name, line)
+
+
 def test_tutorials_begin_with_the_same_network():
     (kind, first), *_ = blocks("train-and-lesion")
     assert (kind, first.split()[:2]) == ("sh", ["bilateral-rl", "train"])
