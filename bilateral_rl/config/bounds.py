@@ -90,7 +90,7 @@ def check_trial(config: TrainConfig) -> None:
 def check_fit(config: TrainConfig) -> None:
     """Raise a UserError for a task that cannot run on these arms, or in trials of this length."""
     if config.n_arms == 1 and config.trial.two_arms != TwoArmSettings() and not is_code(config.task):
-        raise UserError(f"trial.two_arms has no effect on {config.task}, whose trials have one arm: leave it out.")
+        _refuse_without_effect(["two_arms"], config)
     if config.experiment is None:
         if config.task in TASK_SPECS and config.n_arms == 2:  # those of one arm run with any settings
             _check_task(config)
@@ -107,17 +107,20 @@ def check_fit(config: TrainConfig) -> None:
 def check_roles(settings: Mapping[str, Any], config: TrainConfig) -> None:
     """Raise a UserError for ``settings`` that say who reaches, and how far, in a task that does not draw by them."""
     given = [name for name, _ in flat(settings)]
-    _refuse_roles([name for name in OF_ROLES if f"trial.{name}" in given], config)
+    if config.n_arms == 2:
+        _refuse_without_effect([name for name in OF_ROLES if f"trial.{name}" in given], config)
 
 
 def _check_chosen_roles(config: TrainConfig) -> None:
     """Raise the UserError of :func:`check_roles` for what is not as usual, be it of the configuration of a run."""
     usual = TrialSettings()
-    _refuse_roles([name for name in OF_ROLES if (of := operator.attrgetter(name))(config.trial) != of(usual)], config)
+    chosen = [name for name in OF_ROLES if (of := operator.attrgetter(name))(config.trial) != of(usual)]
+    _refuse_without_effect(chosen, config)
 
 
-def _refuse_roles(names: Sequence[str], config: TrainConfig) -> None:
-    if not names or config.n_arms == 1:
+def _refuse_without_effect(names: Sequence[str], config: TrainConfig) -> None:
+    """Raise a UserError, in the words of environments, if the first of these settings of trials has no effect."""
+    if not names:
         return
     from bilateral_rl.envs.doors import without_effect  # numerical
 
