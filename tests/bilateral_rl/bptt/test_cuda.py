@@ -25,10 +25,13 @@ def trained(out, device, task="random_reach", **values):
     return train(config, out).folder
 
 
+@pytest.mark.parametrize(
+    ("task", "profile"), [("random_reach", "paper"), ("random_reach", "released"), ("reach_and_hold", "paper")]
+)
 @pytest.mark.parametrize("model", ["uni_b", "bi_s", "cc_s"])
-@pytest.mark.parametrize("profile", ["paper", "released"])
-def test_a_gpu_trains_the_same_networks_as_the_cpu(tmp_path, model, profile):
-    states = [network_states(trained(tmp_path, device, model=model, profile=profile)) for device in ("cpu", "cuda")]
+def test_a_gpu_trains_the_same_networks_as_the_cpu(tmp_path, model, task, profile):
+    settings = {"model": model, "profile": profile}
+    states = [network_states(trained(tmp_path, device, task, **settings)) for device in ("cpu", "cuda")]
     for seed in states[0]:
         for name, value in states[0][seed].items():
             torch.testing.assert_close(states[1][seed][name], value, rtol=1e-3, atol=1e-4)
@@ -57,11 +60,12 @@ def test_a_run_of_the_gpu_goes_on_on_the_cpu(tmp_path):
     assert outcome.done == 12
 
 
+@pytest.mark.parametrize("task", ["random_reach", "reach_and_hold"])
 @pytest.mark.parametrize(
     "protocol", [Protocol("output", epochs=2), Protocol("everything", optimizer="continued")], ids=lambda p: p.name
 )
-def test_a_gpu_retrains_the_same_networks_as_the_cpu(tmp_path, protocol):
-    run = trained(tmp_path, "cpu")
+def test_a_gpu_retrains_the_same_networks_as_the_cpu(tmp_path, protocol, task):
+    run = trained(tmp_path, "cpu", task)
     config, states = run.config(), network_states(run)
     rows, seeds = Layout(build_network(config)).pack(list(states.values())), list(states)
     moments = trained_moments(run, seeds, "final") if protocol.optimizer == "continued" else None

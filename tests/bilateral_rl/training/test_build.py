@@ -78,10 +78,16 @@ def test_every_algorithm_trains_every_model_which_acts_from_its_run_as_it_was_tr
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
 @algos
 @pytest.mark.parametrize(
-    "values", [{}, {"network": {"hidden_noise": 0.1}, "trial": RICH_SETTINGS}], ids=["plain", "rich"]
+    ("task", "values"),
+    [
+        ("random_reach", {}),
+        ("random_reach", {"network": {"hidden_noise": 0.1}, "trial": RICH_SETTINGS}),
+        ("reach_and_hold", {"network": {"trained_combination": True}}),
+    ],
+    ids=["plain", "rich", "two arms"],
 )
-def test_every_algorithm_trains_on_a_gpu(algo, values):
-    algorithm = build_algorithm(small(algo, device="cuda", **values))
+def test_every_algorithm_trains_on_a_gpu(algo, task, values):
+    algorithm = build_algorithm(small(algo, task, device="cuda", **values))
     before = copy.deepcopy(algorithm.policy.state_dict())
     algorithm.learn(48)
     after = algorithm.policy.state_dict()
