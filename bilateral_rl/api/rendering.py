@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from bilateral_rl.analysis.conditions import Conditions
 from bilateral_rl.analysis.trials import Evaluator
-from bilateral_rl.api.checks import as_path, check_tests, whole
+from bilateral_rl.api.checks import as_path, check_tests, settings_by_name, whole
 from bilateral_rl.api.notes import tell
 from bilateral_rl.api.progress import ProgressLike, bar
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.catalogue import check_choice
-from bilateral_rl.config.code_tasks import confirm_code
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS
 from bilateral_rl.runs.folder import FINAL
@@ -52,7 +55,8 @@ def render(
     weights: str = FINAL,
     slow_down: int = 4,
     size: int = 480,
-    task: str | None = None,
+    task: TaskWords | None = None,
+    settings: Mapping[str, Any] | None = None,
     progress: ProgressLike = True,
 ) -> Path:
     """Make a video of trained models that do the same trials side by side, muscles colored by activation.
@@ -69,7 +73,9 @@ def render(
         weights: "final", "best" or "step_…": which of the runs' weights.
         slow_down: seconds of video for a second of the arm's.
         size: height of each network's picture (pixels, even), and its width where there is one arm.
-        task: of runs that learned a class of yours, that class, as "module:Class", whose code is then run.
+        task: another task than the runs', which may then have learned different ones; an experiment or its file; or
+            the runs' own class, as "module:Class".
+        settings: other settings of trials than the runs', such as ``{"trial.two_arms.spring.stiffness": 0}``.
         progress: whether a bar shows how it comes along, or the rich console where it does.
 
     Returns:
@@ -78,7 +84,8 @@ def render(
     Raises:
         UserError: runs that cannot be shown, or not together, or a file that cannot be written; none is left then.
     """
-    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, task, progress)
+    changed = settings_by_name("--set", settings)
+    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, task, changed, progress)
     tell(video.notes)
     return video.path
 
@@ -92,38 +99,49 @@ def make_video(
     weights: str,
     slow_down: int,
     size: int,
-    task: str | None,
+    task: TaskWords | None,
+    settings: Mapping[str, Any],
     progress: ProgressLike,
 ) -> Video:
-    """Make a video (:func:`render`). Raises UserError for one that cannot be."""
+    """Make a video (:func:`render`); settings are nested dictionaries. Raises UserError for one that cannot be."""
     trials, seed = check_tests(trials, seed)
     _check_arguments(runs, lesion, size := whole("--size", size))
     actors = [Actor.load(find_run(run).name, weights) for run in runs]
-    confirm_code(actors[0].config.task, task, actors[0].folder.path)
     for actor in actors:
         actor.check_lesion(lesion)
-    settings, notes = common_trials(actors)
-    _check_speed(slow_down := whole("--slow-down", slow_down), settings.arm.timestep)
-    path = default_path(actors, lesion, weights) if out is None else as_path("--out", out)
+    under, notes = common_trials(actors, task, settings)
+    _check_speed(slow_down := whole("--slow-down", slow_down), under.settings.arm.timestep)
+    path = default_path(actors, under, lesion, weights) if out is None else as_path("--out", out)
     files.check_path(path)
-    task_of_all = actors[0].config.make_task()
-    evaluator = Evaluator(task_of_all, settings, trials + trials % task_of_all.n_arms, seed)
+    shown = under.config.make_task()
+    evaluator = Evaluator(shown, under.settings, trials + trials % shown.n_arms, seed)
     performances = [
-        actor.perform(evaluator, lesion, settings.threshold, label)
+        actor.perform(evaluator, lesion, under.settings.threshold, label)
         for actor, label in zip(actors, labels(actors, lesion), strict=True)
     ]
     film = Film(performances, slow_down, size, trials)
     arguments = ["--trials", str(trials), "--seed", str(seed), "--lesion", lesion, "--weights", weights]
+    arguments += [f"{name}={value}" for name, value in under.changed.items()]
     names = [find_run(run).name for run in runs]
     files.write(path, film, _counted(film, progress), shlex.join([*names, *arguments]))
     return Video(path, len(film) / film.fps, (*_seed_notes(actors), *notes))
 
 
-def default_path(actors: Sequence[Actor], lesion: str, weights: str) -> Path:
-    """Return the default path of the video, beside the first run: ``RUN[-seedN][+…][-weights][-lesion].mp4``."""
+def default_path(actors: Sequence[Actor], under: Conditions, lesion: str, weights: str) -> Path:
+    """Return the default path of the video, beside the first run.
+
+    It is ``RUN[-seedN][+…][-weights][-lesion][-task][-setting=value…].mp4``, with the last part of a setting's name.
+    """
     unusual = [what for what, usual in ((weights, FINAL), (lesion, INTACT)) if what != usual]
-    name = "-".join(["+".join(actor.name for actor in actors), *unusual])
+    name = "-".join(["+".join(actor.name for actor in actors), *unusual, *_unusual_conditions(actors, under)])
     return actors[0].path.parent / f"{name}.mp4"
+
+
+def _unusual_conditions(actors: Sequence[Actor], under: Conditions) -> Iterator[str]:
+    """What a file's name says of another task or other settings, in at most 80 characters that any system allows."""
+    told = [value if name == "task" else f"{name.rpartition('.')[2]}={value}" for name, value in under.changed.items()]
+    if told:
+        yield re.sub(r"[^\w.=+-]+", "_", "-".join(map(str, told)))[:80]
 
 
 def _counted(film: Film, progress: ProgressLike) -> Iterator[Picture]:

@@ -410,7 +410,8 @@ class Run:
         weights: str = FINAL,
         slow_down: int = 4,
         size: int = 480,
-        task: str | None = None,
+        task: TaskWords | None = None,
+        settings: Mapping[str, Any] | None = None,
         progress: ProgressLike = True,
     ) -> Path:
         """Make a video of the network, as :func:`render` does of several runs side by side.
@@ -423,7 +424,8 @@ class Run:
             weights: "final", "best" or "step_…": which of the run's weights.
             slow_down: seconds of video for a second of the arm's.
             size: side of the picture (pixels, even).
-            task: of a run that learned a class of yours, that class, as "module:Class", whose code is then run.
+            task: another task than the run's, an experiment or its file; or the run's own class, as "module:Class".
+            settings: other settings of trials than the run's, such as ``{"trial.two_arms.spring.stiffness": 0}``.
             progress: whether a bar shows how it comes along, or the rich console where it does.
 
         Returns:
@@ -434,7 +436,8 @@ class Run:
         """
         from bilateral_rl.api.rendering import make_video
 
-        video = make_video([self], out, trials, seed, lesion, weights, slow_down, size, task, progress)
+        changed = settings_by_name("--set", settings)
+        video = make_video([self], out, trials, seed, lesion, weights, slow_down, size, task, changed, progress)
         tell(video.notes)
         return video.path
 

@@ -346,7 +346,8 @@ def render(
     weights: Weights = "final",
     slow_down: Annotated[int, typer.Option(help="Seconds of video for a second of the arm's, 2 to 20.")] = 4,
     size: Annotated[int, typer.Option(help="Height of each picture (pixels).")] = 480,
-    task: CodeTask = None,
+    task: TestTask = None,
+    overrides: TestSettings = None,
 ) -> None:
     """Make a video of trained models doing the same trials, muscles colored by activation."""
     from bilateral_rl.commands import render as command
@@ -361,6 +362,7 @@ def render(
         slow_down=slow_down,
         size=size,
         task=task,
+        overrides=overrides or [],
         console=console,
     )
 

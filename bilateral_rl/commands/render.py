@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from bilateral_rl.api.rendering import make_video
+from bilateral_rl.config.parse import parse_overrides
 
 
 def render(
@@ -23,6 +24,7 @@ def render(
     slow_down: int,
     size: int,
     task: str | None,
+    overrides: Sequence[str],
     console: Console,
 ) -> Path:
     """Write a video of networks that do the same trials, those that ``evaluate`` tests with the same seed.
@@ -37,7 +39,8 @@ def render(
         weights: which of each run's weights.
         slow_down: seconds of video for a second of the arm's time.
         size: height of each network's picture (pixels, even), and its width where there is one arm.
-        task: the class that the runs learned, whose code may be run; None for nothing.
+        task: another task than the runs', which may then have learned different ones.
+        overrides: other settings of trials, ``["trial.sensory_noise=0.01"]``.
         console: where to print.
 
     Returns:
@@ -46,7 +49,8 @@ def render(
     Raises:
         UserError: runs that cannot be shown, or not together, or a file that cannot be written; none is left then.
     """
-    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, task, console)
+    settings = parse_overrides(overrides, "trial.sensory_noise=0.01")
+    video = make_video(runs, out, trials, seed, lesion, weights, slow_down, size, task, settings, console)
     for note in video.notes:
         console.print(f"[yellow]Note:[/yellow] {escape(note)}", soft_wrap=True, highlight=False)
     quoted = escape(shlex.quote(str(video.path)))

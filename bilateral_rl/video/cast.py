@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.config.schema import TrainConfig
+from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.io.terminal import printable
@@ -88,24 +91,32 @@ def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
     return [f"{label} · lesion: {lesion_words(lesion)}" for label in plain]
 
 
-def common_trials(actors: Sequence[Actor]) -> tuple[TrialSettings, list[str]]:
-    """Return the first run's trial settings, which all follow, and notes on runs that learned with others.
+def common_trials(
+    actors: Sequence[Actor], task: TaskWords | None = None, settings: Mapping[str, Any] | None = None
+) -> tuple[Conditions, list[str]]:
+    """Return the conditions of the trials that all do, and notes on what they mean for runs that learned otherwise.
+
+    Args:
+        actors: the networks. What is not said here is as the first one's run has it.
+        task: another task than that of the runs, which may then be several.
+        settings: other settings of trials, as for :func:`~bilateral_rl.analysis.conditions.conditions`.
 
     Raises:
-        UserError: the runs learned different tasks.
+        UserError: the runs learned different tasks, and no other is given, or these conditions cannot be.
     """
     first, notes = actors[0], []
-    for actor in actors[1:]:
-        if actor.config.task != first.config.task:
+    common, *others = (conditions(actor.config, task, settings) for actor in actors)
+    for actor, under in zip(actors[1:], others, strict=True):
+        if under.task != common.task:
             raise UserError(
-                f"{actor.folder.path} learned {actor.config.task} and {first.folder.path} {first.config.task}, but "
-                "runs side by side do the same trials: choose runs of one task."
+                f"{actor.folder.path} learned {under.task} and {first.folder.path} {common.task}, but runs side by "
+                "side do the same trials: choose runs of one task, or give --task."
             )
-        other = _differences(first.config.trial, actor.config.trial)
-        other += ["experiment"] if actor.config.experiment != first.config.experiment else []
+        other = _differences(common.settings, under.settings)
+        other += ["experiment"] if under.config.experiment != common.config.experiment else []
         if other:
             notes.append(f"{actor.folder.path} learned with another {', '.join(other)}; all do the first run's trials.")
-    return first.config.trial, notes
+    return common, [*notes, *common.notes]
 
 
 def _differences(first: TrialSettings, second: TrialSettings) -> list[str]:

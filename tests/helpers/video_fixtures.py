@@ -71,7 +71,7 @@ def show(tmp_path):
 
     def call(*runs, out=tmp_path / "video.mp4", trials=1, lesion="intact", **options):
         said = io.StringIO()
-        options = {"seed": 7, "weights": "final", "slow_down": 4, "size": SIZE, "task": None} | options
+        options = {"seed": 7, "weights": "final", "slow_down": 4, "size": SIZE, "task": None, "overrides": []} | options
         console = Console(file=said, width=1000)
         path = render(
             runs=[str(run) for run in runs], out=out, trials=trials, lesion=lesion, console=console, **options

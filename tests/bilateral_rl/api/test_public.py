@@ -15,7 +15,10 @@ from bilateral_rl.api.wording import argument
 ROOT = Path(__file__).parents[3]
 TESTS = "trials=1024, *, seed=2000000"
 CONDITIONS = "lesion='intact', task=None, settings=None"
-FILM = "trials=4, seed=2000000, lesion='intact', weights='final', slow_down=4, size=480, task=None, progress=True"
+FILM = (
+    "trials=4, seed=2000000, lesion='intact', weights='final', slow_down=4, size=480, task=None, settings=None, "
+    "progress=True"
+)
 SIGNATURES = {
     "compare": f"(*runs, metrics=None, retrain=None, {TESTS.replace(' *,', '')}, task=None)",
     "import_model": "(model, task, *, trust_pickle=False, settings=None, vec_normalize=None, out='runs')",

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bilateral_rl.analysis.conditions import conditions
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.training.run import train
@@ -91,6 +92,33 @@ def test_other_settings_are_said_and_the_first_runs_count(show, filmed, bptt_run
     assert [take.record.distance.shape for take in filmed[0].performances] == [(1, STEPS)] * 2
 
 
+def test_films_the_trials_that_evaluate_tests_with_another_task_or_other_settings(show, filmed, bptt_run):
+    """And says so in the file's name."""
+    films = [
+        show(bptt_run.path, out=None, overrides=["trial.sensory_noise=0.1"]),
+        show(bptt_run.path, out=None, task="curl_field"),
+    ]
+    assert [film.path.name for film in films] == [
+        "cc_s-bptt-1-sensory_noise=0.1.mp4",
+        "cc_s-bptt-1-curl_field-trial_length=20.mp4",
+    ]
+    actor = Actor.load(str(bptt_run.path), "final")
+    noisy = conditions(actor.config, None, {"trial": {"sensory_noise": 0.1}})
+    for film, under in zip(filmed, (noisy, conditions(actor.config, "curl_field")), strict=True):
+        expected = Evaluator(under.config.make_task(), under.settings, 1, seed=7).run(actor.policy)
+        np.testing.assert_array_equal(film.performances[0].record.hand, expected.hand)
+        np.testing.assert_array_equal(film.performances[0].record.observation, expected.observation)
+
+
+def test_runs_of_different_tasks_do_a_third_one_side_by_side(show, filmed, bptt_run, small_bptt, tmp_path):
+    hold = train(small_bptt(task="hold_position", seeds=1, epochs=1), tmp_path).folder
+    show(bptt_run.path, hold.path, task="center_out")
+    first, second = (take.record.target for take in filmed[0].performances)
+    np.testing.assert_array_equal(first, second)
+    with pytest.raises(UserError, match=r"choose runs of one task, or give --task\."):
+        show(bptt_run.path, hold.path)
+
+
 def test_refuses_options_that_mean_nothing(show, bptt_run, tmp_path, tree):
     before = tree(tmp_path)
     for options, message in (
@@ -102,6 +130,8 @@ def test_refuses_options_that_mean_nothing(show, bptt_run, tmp_path, tree):
         ({"slow_down": 1}, "from 2 to 20, .* got 1"),
         ({"slow_down": 21}, "from 2 to 20, .* got 21"),
         ({"weights": "step_1"}, "does not exist"),
+        ({"overrides": ["ppo.gamma=0.9"]}, "ppo.gamma changes nothing in a test"),
+        ({"task": "two_reaches"}, "learned to move one arm, and two_reaches is a task of two arms"),
     ):
         with pytest.raises(UserError, match=message):
             show(bptt_run.path, **options)
@@ -126,9 +156,3 @@ def test_refuses_a_lesion_that_one_of_the_networks_cannot_have(show, bptt_run, u
     ):
         show(bptt_run.path, unilateral, lesion="callosum")
     assert not list(tmp_path.glob("*.mp4"))
-
-
-def test_refuses_runs_of_different_tasks(show, bptt_run, small_bptt, tmp_path):
-    hold = train(small_bptt(task="hold_position", seeds=1, epochs=1), tmp_path).folder
-    with pytest.raises(UserError, match="choose runs of one task"):
-        show(bptt_run.path, hold.path)
