@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from bilateral_rl.config.bounds import check_fit, check_roles, check_trial
+from bilateral_rl.config.by_hand import check_by_hand
 from bilateral_rl.config.code_tasks import allow_code
-from bilateral_rl.config.loads import check_loads
 from bilateral_rl.config.parse import flat, merge, plain_values
 from bilateral_rl.config.resolve import difference, from_values
 from bilateral_rl.config.schema import TrainConfig
@@ -81,7 +81,7 @@ def conditions(
     check_trial(changed_config)
     check_fit(changed_config)
     check_roles(settings, changed_config)
-    check_loads(settings, changed_config)
+    check_by_hand(settings, changed_config)
     own = choose_task(task, [values], config.task)
     changed = _differences(config, changed_config, own if own.task == found.task else found)
     notes = tuple(_notes(config.trial, changed_config.trial))

@@ -14,8 +14,8 @@ from bilateral_rl.api.notes import tell
 from bilateral_rl.api.progress import ProgressLike, TrainingProgress, console_of
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
+from bilateral_rl.config.by_hand import check_by_hand
 from bilateral_rl.config.code_tasks import allow_code, confirm_code
-from bilateral_rl.config.loads import check_loads
 from bilateral_rl.config.parse import Values, nested
 from bilateral_rl.config.resolve import check_penalty, resolve
 from bilateral_rl.config.schema import TrainConfig
@@ -134,7 +134,7 @@ def start(
     layers = [*layers, nested(named)]
     config = resolve(algo, task, layers, model=model)
     check_penalty(layers, config)
-    check_loads(by_hand, config)
+    check_by_hand(by_hand, config)
     return _run(training.prepare(config), out, progress)
 
 

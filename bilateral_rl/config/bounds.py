@@ -90,7 +90,7 @@ def check_trial(config: TrainConfig) -> None:
 def check_fit(config: TrainConfig) -> None:
     """Raise a UserError for a task that cannot run on these arms, or in trials of this length."""
     if config.n_arms == 1 and config.trial.two_arms != TwoArmSettings() and not is_code(config.task):
-        _refuse_without_effect(["two_arms"], config)
+        refuse_without_effect(["two_arms"], config)
     if config.experiment is None:
         if config.task in TASK_SPECS and config.n_arms == 2:  # those of one arm run with any settings
             _check_task(config)
@@ -108,17 +108,17 @@ def check_roles(settings: Mapping[str, Any], config: TrainConfig) -> None:
     """Raise a UserError for ``settings`` that say who reaches, and how far, in a task that does not draw by them."""
     given = [name for name, _ in flat(settings)]
     if config.n_arms == 2:
-        _refuse_without_effect([name for name in OF_ROLES if f"trial.{name}" in given], config)
+        refuse_without_effect([name for name in OF_ROLES if f"trial.{name}" in given], config)
 
 
 def _check_chosen_roles(config: TrainConfig) -> None:
     """Raise the UserError of :func:`check_roles` for what is not as usual, be it of the configuration of a run."""
     usual = TrialSettings()
     chosen = [name for name in OF_ROLES if (of := operator.attrgetter(name))(config.trial) != of(usual)]
-    _refuse_without_effect(chosen, config)
+    refuse_without_effect(chosen, config)
 
 
-def _refuse_without_effect(names: Sequence[str], config: TrainConfig) -> None:
+def refuse_without_effect(names: Sequence[str], config: TrainConfig) -> None:
     """Raise a UserError, in the words of environments, if the first of these settings of trials has no effect."""
     if not names:
         return
