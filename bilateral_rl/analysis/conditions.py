@@ -10,10 +10,11 @@ from typing import Any
 from bilateral_rl.config.bounds import check_fit, check_roles, check_trial
 from bilateral_rl.config.by_hand import check_by_hand
 from bilateral_rl.config.code_tasks import allow_code
-from bilateral_rl.config.parse import flat, merge, plain_values
+from bilateral_rl.config.parse import Values, flat, merge, plain_values
 from bilateral_rl.config.resolve import difference, from_values
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.config.tasks import TaskChoice, TaskWords, choose_task
+from bilateral_rl.envs.experiments.forces import Forces
 from bilateral_rl.envs.settings import TrialSettings
 from bilateral_rl.io.errors import UserError
 
@@ -64,16 +65,14 @@ def conditions(
     allow_code([task])
     settings = settings or {}
     for name, _ in flat(settings):
-        if name.split(".")[0] not in ("trial", "experiment"):
-            known = name in {field.name for field in dataclasses.fields(TrialSettings)}
-            hint = f"did you mean trial.{name}?" if known else "such as trial.sensory_noise."
-            raise UserError(f"{name} changes nothing in a test, which takes settings of trials alone: {hint}")
+        _check_changes(name)
     values = config.to_values()
+    trained = TaskChoice(config.task, config.experiment)
     found = choose_task(None if task == config.task else task, [values, settings], config.task)
     experiment = None if found.experiment is None else plain_values(found.experiment)
     of_task: Mapping[str, Any] = {}
-    if found.task != config.task:
-        values |= {"trial": difference(values["trial"], TaskChoice(config.task, config.experiment).trial)}
+    if found.task != config.task or found.trial != trained.trial:  # as of an experiment that was edited since
+        values |= {"trial": difference(values["trial"], trained.trial)}
         of_task = {"trial": found.trial}
     over = {**merge(of_task, settings), "task": found.task}
     changed_config = from_values(merge(values, over) | {"experiment": experiment})
@@ -88,6 +87,19 @@ def conditions(
     return Conditions(changed_config, changed, notes)
 
 
+def _check_changes(name: str) -> None:
+    """Raise a UserError for a setting that changes nothing in any test."""
+    first, _, rest = name.partition(".")
+    if first not in ("trial", "experiment"):
+        known = first in {field.name for field in dataclasses.fields(TrialSettings)}
+        hint = f"did you mean trial.{name}?" if known else "such as trial.sensory_noise."
+        raise UserError(f"{name} changes nothing in a test, which takes settings of trials alone: {hint}")
+    if name in ("experiment.name", "experiment.description"):
+        raise UserError(f"{name} changes nothing in a test: leave it out.")
+    if rest.startswith("losses.") and rest.endswith(".penalty"):
+        raise UserError(f"{name} changes nothing in a test, as no reward has the penalty: leave it out.")
+
+
 def _check_arms(config: TrainConfig, changed: TrainConfig) -> None:
     """Raise a UserError for a task of another number of arms than the run's networks have."""
     if changed.n_arms != config.n_arms:
@@ -99,14 +111,33 @@ def _check_arms(config: TrainConfig, changed: TrainConfig) -> None:
 
 
 def _differences(config: TrainConfig, changed: TrainConfig, own: TaskChoice) -> dict[str, Any]:
-    """Return what differs by its name: from the training or, in another task, from what that has by itself."""
+    """Return what differs by its name: from the training or, in another task, from what that has by itself.
+
+    The ``trial`` section of an experiment is not told: what it does is, as settings of trials.
+    """
     usual = config.to_values()
     if changed.task != config.task:
         experiment = None if own.experiment is None else plain_values(own.experiment)
         usual = from_values(changed.to_values() | {"trial": own.trial, "experiment": experiment}).to_values()
         usual["task"] = config.task  # which is told as a change
-    known = dict(flat(usual))
-    return {name: value for name, value in flat(changed.to_values()) if name not in known or value != known[name]}
+    known = dict(flat(_with_all_forces(usual)))
+    return {
+        name: value
+        for name, value in flat(_with_all_forces(changed.to_values()))
+        if (name not in known or value != known[name]) and not name.startswith("experiment.trial.")
+    }
+
+
+def _with_all_forces(values: Values) -> Values:
+    """Return the values of a configuration with all forces named where there are none: one added is one change."""
+    experiment = values["experiment"]
+    if experiment is None:
+        return values
+    none = plain_values(Forces())
+    arms = experiment.get("arms") or {}
+    named = {hand: arm | {"forces": arm.get("forces") or none} for hand, arm in arms.items()}
+    own = {"arms": named} if arms else {"forces": experiment.get("forces") or none}
+    return values | {"experiment": experiment | own}
 
 
 def _notes(trained: TrialSettings, tested: TrialSettings) -> Iterator[str]:

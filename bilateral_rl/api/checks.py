@@ -88,5 +88,5 @@ def settings_by_name(option: str, values: Mapping[str, Any] | None) -> Values:
     if values is None:
         return {}
     if not isinstance(values, Mapping) or not all(isinstance(name, str) for name in values):
-        raise UserError(f'{option} takes settings by name, such as {{"ppo.gamma": 0.9}}, not {values!r}.')
+        raise UserError(f'{option} takes settings by name, such as {{"trial.sensory_noise": 0.01}}, not {values!r}.')
     return nested(values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 import shlex
@@ -18,17 +19,21 @@ from bilateral_rl.api.progress import ProgressLike, bar
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.catalogue import check_choice
+from bilateral_rl.config.parse import flat
 from bilateral_rl.config.tasks import TaskWords
+from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS
 from bilateral_rl.runs.folder import FINAL
 from bilateral_rl.video import files
-from bilateral_rl.video.cast import Actor, common_trials, labels
+from bilateral_rl.video.cast import Actor, common_trials, labels, told_apart
 from bilateral_rl.video.film import Film, Picture
 from bilateral_rl.vocabulary import TEST_SEED
 
 MIN_SIZE = 320
 """Side of a picture in which captions can still be read (pixels)."""
+MAX_WORDS = 80
+"""Characters of a file's name that say what is unusual in the trials; a digest says the rest."""
 MIN_FPS, MAX_FPS = 5, 50
 """Pictures a second that players show well; a picture is a step."""
 
@@ -109,6 +114,9 @@ def make_video(
     actors = [Actor.load(find_run(run).name, weights) for run in runs]
     for actor in actors:
         actor.check_lesion(lesion)
+    for name, _ in flat(settings):
+        if name.startswith("trial.losses."):
+            raise UserError(f"{name} changes nothing in a film, which shows no rewards: leave it out.")
     under, notes = common_trials(actors, task, settings)
     _check_speed(slow_down := whole("--slow-down", slow_down), under.settings.arm.timestep)
     path = default_path(actors, under, lesion, weights) if out is None else as_path("--out", out)
@@ -121,27 +129,42 @@ def make_video(
     ]
     film = Film(performances, slow_down, size, trials)
     arguments = ["--trials", str(trials), "--seed", str(seed), "--lesion", lesion, "--weights", weights]
-    arguments += [f"{name}={value}" for name, value in under.changed.items()]
+    arguments += ["--slow-down", str(slow_down), "--size", str(size), *_conditions_as_options(task, settings)]
     names = [find_run(run).name for run in runs]
     files.write(path, film, _counted(film, progress), shlex.join([*names, *arguments]))
     return Video(path, len(film) / film.fps, (*_seed_notes(actors), *notes))
 
 
+def _conditions_as_options(task: TaskWords | None, settings: Mapping[str, Any]) -> Iterator[str]:
+    if task is not None:
+        yield from ("--task", task.name if isinstance(task, Experiment) else str(task))
+    for name, value in flat(settings):
+        yield from ("--set", f"{name}={value}")
+
+
 def default_path(actors: Sequence[Actor], under: Conditions, lesion: str, weights: str) -> Path:
     """Return the default path of the video, beside the first run.
 
-    It is ``RUN[-seedN][+…][-weights][-lesion][-task][-setting=value…].mp4``, with the last part of a setting's name.
+    It is ``RUN[-seed-N][+…][-weights][-lesion][-task][-setting=value…].mp4``, each run after the folders above it where
+    runs of one name are others.
     """
+    seeds = ["" if actor.named_seed is None else f"-seed-{actor.named_seed}" for actor in actors]
+    runs = [f"{name.replace('/', '-')}{seed}" for name, seed in zip(told_apart(actors), seeds, strict=True)]
     unusual = [what for what, usual in ((weights, FINAL), (lesion, INTACT)) if what != usual]
-    name = "-".join(["+".join(actor.name for actor in actors), *unusual, *_unusual_conditions(actors, under)])
+    name = "-".join(["+".join(runs), *unusual, *_unusual_conditions(under)])
     return actors[0].path.parent / f"{name}.mp4"
 
 
-def _unusual_conditions(actors: Sequence[Actor], under: Conditions) -> Iterator[str]:
-    """What a file's name says of another task or other settings, in at most 80 characters that any system allows."""
-    told = [value if name == "task" else f"{name.rpartition('.')[2]}={value}" for name, value in under.changed.items()]
-    if told:
-        yield re.sub(r"[^\w.=+-]+", "_", "-".join(map(str, told)))[:80]
+def _unusual_conditions(under: Conditions) -> Iterator[str]:
+    """What a file's name says of another task or other settings: in words that any system allows, or by a digest."""
+    told = [
+        str(value) if name == "task" else f"{name.partition('.')[2]}={value}" for name, value in under.changed.items()
+    ]
+    if not told:
+        return
+    words = re.sub(r"[^\w.=+-]+", "_", "-".join(told))
+    digest = hashlib.sha256(words.encode()).hexdigest()[:8]
+    yield words if len(words) <= MAX_WORDS else f"{words[:MAX_WORDS]}-{digest}"
 
 
 def _counted(film: Film, progress: ProgressLike) -> Iterator[Picture]:

@@ -339,7 +339,7 @@ def compare(
 @app.command()
 def render(
     runs: Annotated[list[str], typer.Argument(metavar="RUN…", help="One run or several side by side; RUN:SEED.")],
-    out: Annotated[Path | None, typer.Option(help="An .mp4 or .gif file.", show_default="RUN.mp4")] = None,
+    out: Annotated[Path | None, typer.Option(help="An .mp4 or .gif file.", show_default="RUN….mp4")] = None,
     trials: Annotated[int, typer.Option(help="How many, one after another.")] = 4,
     seed: TestSeed = TEST_SEED,
     lesion: Annotated[str, typer.Option(help="Lesion every network shown.")] = "intact",

@@ -19,10 +19,15 @@ _OF_LOADS = ("trial.load", "trial.max_load")
 
 
 def check_by_hand(settings: Mapping[str, Any], config: TrainConfig) -> None:
-    """Raise a UserError for ``settings`` of two arms, or of loads, that the task has no use for."""
+    """Raise a UserError for ``settings`` of two arms, of a spring that is none, or of loads, without a use for them."""
     given = [name for name, _ in flat(settings)]
     if config.n_arms == 1 and not is_code(config.task) and any(name.startswith("trial.two_arms.") for name in given):
         refuse_without_effect(["two_arms"], config)  # be they as they are anyway
+    spring = config.trial.two_arms.spring
+    if "trial.two_arms.spring.kind" in given and not spring.stiffness and not spring.damping:
+        raise UserError(
+            "trial.two_arms.spring.kind changes nothing without a spring: give trial.two_arms.spring.stiffness too."
+        )
     of_loads = [name for name in given if name in _OF_LOADS]
     if of_loads and not _draws_loads(config):
         raise UserError(f"{of_loads[0]} changes nothing in {config.task}, which draws no load: leave it out.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from bilateral_rl.analysis.conditions import Conditions, conditions
 from bilateral_rl.analysis.trials import Evaluator
+from bilateral_rl.config.parse import flat, plain_values
 from bilateral_rl.config.schema import TrainConfig
 from bilateral_rl.config.tasks import TaskWords
 from bilateral_rl.envs.settings import TrialSettings
@@ -62,11 +62,6 @@ class Actor:
         path = self.folder.path
         return path if path.name not in ("", "..") else path.resolve()
 
-    @property
-    def name(self) -> str:
-        """Name of the run's folder, with the seed if one was named."""
-        return self.path.name if self.named_seed is None else f"{self.path.name}-seed-{self.named_seed}"
-
     def check_lesion(self, lesion: str) -> None:
         """Raise a UserError if the network cannot have ``lesion``."""
         self._find_lesion(lesion)
@@ -85,10 +80,21 @@ def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
     """Name each actor by model, algorithm, seed and lesion, and by its folder where that is not enough."""
     plain = [f"{actor.config.model} · {actor.config.algo} · seed {actor.seed}" for actor in actors]
     if len(set(plain)) < len(plain):
-        plain = [f"{label} ({printable(actor.path.name)})" for label, actor in zip(plain, actors, strict=True)]
+        plain = [f"{label} ({printable(name)})" for label, name in zip(plain, told_apart(actors), strict=True)]
     if lesion == INTACT:
         return plain
     return [f"{label} · lesion: {lesion_words(lesion)}" for label in plain]
+
+
+def told_apart(actors: Sequence[Actor]) -> list[str]:
+    """Return each run's folder, after as many of the folders above it as are needed to tell the runs apart."""
+    paths = [actor.path.absolute() for actor in actors]
+    names = [path.name for path in paths]
+    for depth in range(2, max(len(path.parts) for path in paths)):
+        if len(set(names)) == len(set(paths)):
+            break
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+    return names
 
 
 def common_trials(
@@ -105,6 +111,12 @@ def common_trials(
         UserError: the runs learned different tasks, and no other is given, or these conditions cannot be.
     """
     first, notes = actors[0], []
+    for actor in actors[1:]:
+        if actor.config.n_arms != first.config.n_arms:
+            raise UserError(
+                f"{first.folder.path} and {actor.folder.path} have learned to move {first.config.n_arms} and "
+                f"{actor.config.n_arms} arms: choose runs of as many."
+            )
     common, *others = (conditions(actor.config, task, settings) for actor in actors)
     for actor, under in zip(actors[1:], others, strict=True):
         if under.task != common.task:
@@ -120,5 +132,5 @@ def common_trials(
 
 
 def _differences(first: TrialSettings, second: TrialSettings) -> list[str]:
-    names = [field.name for field in dataclasses.fields(TrialSettings)]
-    return [name for name in names if getattr(first, name) != getattr(second, name)]
+    known = dict(flat(plain_values(first)))
+    return [name for name, value in flat(plain_values(second)) if name not in known or value != known[name]]

@@ -10,7 +10,9 @@ from bilateral_rl.envs.experiments.experiment import Experiment
 from bilateral_rl.envs.tasks import make_task
 from bilateral_rl.io.errors import UserError
 
-REACH, HOLD = resolve(None, "random_reach", []), resolve(None, "hold_position", [])
+REACH, HOLD, FIELD, PAIR = (
+    resolve(None, task, []) for task in ("random_reach", "hold_position", "curl_field", "two_reaches")
+)
 
 
 def test_the_conditions_are_those_of_the_training_unless_others_are_chosen():
@@ -51,6 +53,31 @@ def test_in_another_task_what_it_does_not_have_by_itself_is_told():
     assert conditions(resolve(None, "curl_field", []), "random_reach").changed == {"task": "random_reach"}
 
 
+@pytest.mark.parametrize("chosen", [{}, {"trial": {"trial_length": 60}}], ids=["as it was", "changed by hand"])
+def test_an_experiment_that_was_edited_since_brings_its_own_settings_of_trials(chosen):
+    places = {"start": {"joints": "uniform"}, "target": {"joints": "uniform"}}
+    before, after = (
+        Experiment(name="mine", **places, trial={"threshold": radius, "vision_delay": delay})
+        for radius, delay in ((0.03, 4), (0.06, 2))
+    )
+    run = resolve(None, before, [chosen])
+    under = conditions(run, after)
+    assert (under.settings.threshold, under.settings.vision_delay) == (0.06, 2)
+    assert under.settings.trial_length == run.trial.trial_length
+    assert under.changed == {"trial.threshold": 0.06, "trial.vision_delay": 2}
+    assert conditions(run, before) == conditions(run)
+
+
+def test_a_force_where_there_was_none_is_one_change():
+    places = {"start": {"joints": "uniform"}, "target": {"joints": "uniform"}}
+    run = resolve(None, Experiment(name="mine", **places), [])
+    assert conditions(run, None, {"experiment": {"forces": {"curl": 8}}}).changed == {"experiment.forces.curl": 8.0}
+    arms = {side: {"start": {"joints": "uniform"}, "target": "start"} for side in ("dominant", "non_dominant")}
+    curl = {"experiment": {"arms": {"dominant": {"forces": {"curl": 8}}}}}
+    under = conditions(resolve(None, Experiment(name="two", arms=arms), []), None, curl)
+    assert under.changed == {"experiment.arms.dominant.forces.curl": 8.0}
+
+
 def test_supervised_networks_are_tested_with_noise_and_delay_too():
     under = conditions(resolve("bptt", None, []), None, {"trial": {"motor_noise": 0.1, "feedback_delay": 3}})
     assert under.settings.noisy
@@ -63,6 +90,16 @@ def test_supervised_networks_are_tested_with_noise_and_delay_too():
         (REACH, None, {"seed": 3}, "seed changes nothing in a test"),
         (REACH, None, {"network": {"units": 12}}, "network.units changes nothing in a test"),
         (REACH, None, {"threshold": 0.03}, r"threshold changes nothing in a test.*did you mean trial.threshold\?"),
+        (REACH, None, {"two_arms": {"roles": "drawn"}}, r"did you mean trial.two_arms.roles\?"),
+        (REACH, None, {"trial": {"losses": {"dominant": {"penalty": 1}}}}, "no reward has the penalty"),
+        (FIELD, None, {"experiment": {"name": "mine"}}, "experiment.name changes nothing in a test"),
+        (FIELD, None, {"experiment": {"description": "mine"}}, "experiment.description changes nothing in a test"),
+        (
+            PAIR,
+            None,
+            {"trial": {"two_arms": {"spring": {"kind": "distance"}}}},
+            "kind changes nothing without a spring",
+        ),
         (REACH, None, {"trial": {"gamma": 0.9}}, "Unknown setting 'gamma' in trial"),
         (REACH, None, {"trial": 3}, "trial must be settings by name"),
         (REACH, None, {"trial": {"sensory_noise": -1}}, "trial.sensory_noise must be at least 0"),

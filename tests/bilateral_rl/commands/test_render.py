@@ -13,6 +13,8 @@ from bilateral_rl.video.film import Film
 SIZE = 320
 CAPTION = SIZE // 8
 """Rows of a picture that hold its caption."""
+TWO_TASKS = ("random_reach", "hold_position")
+MANY = ("max_isometric_force", "tendon_length")
 STEPS, PAUSE = 20, 15
 """Of the small supervised runs; and the pictures of a pause of 0.6 s at 25 a second."""
 
@@ -110,6 +112,29 @@ def test_films_the_trials_that_evaluate_tests_with_another_task_or_other_setting
         np.testing.assert_array_equal(film.performances[0].record.observation, expected.observation)
 
 
+def test_different_films_have_different_names(show, filmed, small_bptt, tmp_path):
+    runs = [train(small_bptt(task=task, seeds=1, epochs=1), tmp_path).folder.path for task in TWO_TASKS]
+    reach, hold = TWO_TASKS
+    assert show(*runs, task=reach, out=None).path.name == f"{reach}-cc_s-bptt-1+{hold}-cc_s-bptt-1.mp4"
+    assert (
+        show(*runs, task=hold, out=None).path.name
+        == f"{reach}-cc_s-bptt-1+{hold}-cc_s-bptt-1-{hold}-trial_length=20.mp4"
+    )
+    labels_of_both = [take.label for take in filmed[0].performances]
+    assert labels_of_both == [f"cc_s · bptt · seed 0 ({task}/cc_s-bptt-1)" for task in TWO_TASKS]
+    long = [[f"trial.arm.{name}=[{value}, 300, 800, 1000, 800, 800]" for name in MANY] for value in (700, 701)]
+    names = {show(runs[0], overrides=overrides, out=None).path.name for overrides in long}
+    assert len(names) == 2
+    assert max(map(len, names)) < 120
+
+
+def test_a_films_comment_is_the_command(show, bptt_run):
+    options = {"task": "curl_field", "overrides": ["experiment.forces.curl=9"], "lesion": "callosum"}
+    comment = show(f"{bptt_run.path}:1", **options).path.read_bytes()
+    words = f"render {bptt_run.path}:1 --trials 1 --seed 7 --lesion callosum --weights final --slow-down 4 --size 320"
+    assert f"{words} --task curl_field --set experiment.forces.curl=9".encode() in comment
+
+
 def test_runs_of_different_tasks_do_a_third_one_side_by_side(show, filmed, bptt_run, small_bptt, tmp_path):
     hold = train(small_bptt(task="hold_position", seeds=1, epochs=1), tmp_path).folder
     show(bptt_run.path, hold.path, task="center_out")
@@ -131,6 +156,7 @@ def test_refuses_options_that_mean_nothing(show, bptt_run, tmp_path, tree):
         ({"slow_down": 21}, "from 2 to 20, .* got 21"),
         ({"weights": "step_1"}, "does not exist"),
         ({"overrides": ["ppo.gamma=0.9"]}, "ppo.gamma changes nothing in a test"),
+        ({"overrides": ["trial.losses.dominant.effort=1"]}, "changes nothing in a film, which shows no rewards"),
         ({"task": "two_reaches"}, "learned to move one arm, and two_reaches is a task of two arms"),
     ):
         with pytest.raises(UserError, match=message):
