@@ -125,7 +125,7 @@ def make_video(
     evaluator = Evaluator(shown, under.settings, trials + trials % shown.n_arms, seed)
     performances = [
         actor.perform(evaluator, lesion, under.settings.threshold, label)
-        for actor, label in zip(actors, labels(actors, lesion), strict=True)
+        for actor, label in zip(actors, labels(actors, lesion, under), strict=True)
     ]
     film = Film(performances, slow_down, size, trials)
     arguments = ["--trials", str(trials), "--seed", str(seed), "--lesion", lesion, "--weights", weights]

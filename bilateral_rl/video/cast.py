@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from bilateral_rl.analysis.conditions import Conditions, conditions
@@ -21,6 +22,9 @@ from bilateral_rl.runs.folder import RunFolder
 from bilateral_rl.runs.lesions import lesion_of
 from bilateral_rl.runs.policies import load_policies, parse_run
 from bilateral_rl.video.film import Performance
+
+_WIDTH = 64
+"""Characters that a picture of one arm has room for in a line."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +80,20 @@ class Actor:
         return lesion_of(self.folder, self.config, self.policy.motor_network, name)
 
 
-def labels(actors: Sequence[Actor], lesion: str) -> list[str]:
-    """Name each actor by model, algorithm, seed and lesion, and by its folder where that is not enough."""
+def labels(actors: Sequence[Actor], lesion: str, under: Conditions) -> list[str]:
+    """Name each actor by model, algorithm, seed and lesion, and by its folder where that is not enough.
+
+    A second line says what is unusual in the trials, where anything is.
+    """
     plain = [f"{actor.config.model} · {actor.config.algo} · seed {actor.seed}" for actor in actors]
     if len(set(plain)) < len(plain):
         plain = [f"{label} ({printable(name)})" for label, name in zip(plain, told_apart(actors), strict=True)]
-    if lesion == INTACT:
-        return plain
-    return [f"{label} · lesion: {lesion_words(lesion)}" for label in plain]
+    lesioned = "" if lesion == INTACT else f" · lesion: {lesion_words(lesion)}"
+    settings = [f"{name.partition('.')[2]} = {value}" for name, value in under.changed.items() if name != "task"]
+    task = [under.task] if any(actor.config.task != under.task for actor in actors) else []
+    unusual = ", ".join([*task, *settings])
+    tested = f"\n{shorten(unusual, _WIDTH, placeholder=' …')}" if unusual else ""
+    return [f"{label}{lesioned}{printable(tested)}" for label in plain]
 
 
 def told_apart(actors: Sequence[Actor]) -> list[str]:

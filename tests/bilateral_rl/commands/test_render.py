@@ -28,7 +28,9 @@ def test_an_mp4_plays_anywhere_and_shows_what_was_drawn(show, bptt_run, apart):
     assert video.pictures.shape == (2 * (STEPS + 1 + PAUSE), SIZE, SIZE, 3)
     actor = Actor.load(f"{bptt_run.path}:1", "final")
     evaluator = Evaluator("random_reach", actor.config.trial, 2, seed=7)
-    film = Film([actor.perform(evaluator, "intact", 0.05, *labels([actor], "intact"))], 4, SIZE, 2)
+    film = Film(
+        [actor.perform(evaluator, "intact", 0.05, *labels([actor], "intact", conditions(actor.config)))], 4, SIZE, 2
+    )
     for shown, drawn in zip(video.pictures, film, strict=True):
         assert apart(shown, drawn) < 0.001
         assert np.abs(shown.astype(int) - drawn).mean() < 1.5
@@ -121,7 +123,7 @@ def test_different_films_have_different_names(show, filmed, small_bptt, tmp_path
         == f"{reach}-cc_s-bptt-1+{hold}-cc_s-bptt-1-{hold}-trial_length=20.mp4"
     )
     labels_of_both = [take.label for take in filmed[0].performances]
-    assert labels_of_both == [f"cc_s · bptt · seed 0 ({task}/cc_s-bptt-1)" for task in TWO_TASKS]
+    assert labels_of_both == [f"cc_s · bptt · seed 0 ({task}/cc_s-bptt-1)\n{reach}" for task in TWO_TASKS]
     long = [[f"trial.arm.{name}=[{value}, 300, 800, 1000, 800, 800]" for name in MANY] for value in (700, 701)]
     names = {show(runs[0], overrides=overrides, out=None).path.name for overrides in long}
     assert len(names) == 2

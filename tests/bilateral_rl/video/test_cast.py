@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bilateral_rl.analysis.conditions import conditions
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.envs.anatomy import elbow_and_hand
 from bilateral_rl.policies.lesions import LESIONS, RELEASED_LESIONS
@@ -12,10 +13,24 @@ from bilateral_rl.video.cast import Actor, labels
 
 def test_labels_say_who_acts_and_name_the_folder_only_where_needed(bptt_run, run):
     seeds = [Actor.load(f"{bptt_run.path}:{seed}", "final") for seed in (0, 2)]
-    assert labels(seeds, "intact") == ["cc_s · bptt · seed 0", "cc_s · bptt · seed 2"]
+    as_trained = conditions(seeds[0].config)
+    assert labels(seeds, "intact", as_trained) == ["cc_s · bptt · seed 0", "cc_s · bptt · seed 2"]
     ppo = Actor.load(str(run.path), "final")
-    assert labels([ppo], "deep_non_dominant") == ["cc_s · ppo · seed 0 · lesion: deep non-dominant"]
-    assert labels([ppo, ppo], "intact") == ["cc_s · ppo · seed 0 (cc_s-ppo-1)"] * 2
+    as_trained = conditions(ppo.config)
+    assert labels([ppo], "deep_non_dominant", as_trained) == ["cc_s · ppo · seed 0 · lesion: deep non-dominant"]
+    assert labels([ppo, ppo], "intact", as_trained) == ["cc_s · ppo · seed 0 (cc_s-ppo-1)"] * 2
+
+
+def test_a_second_line_of_labels_says_what_is_unusual_in_the_trials(run):
+    ppo = Actor.load(str(run.path), "final")
+    noisy = conditions(ppo.config, None, {"trial": {"sensory_noise": 0.1}})
+    assert labels([ppo], "intact", noisy) == ["cc_s · ppo · seed 0\nsensory_noise = 0.1"]
+    curl = conditions(ppo.config, "curl_field", {"experiment": {"forces": {"curl": 9}}, "trial": {"trial_length": 50}})
+    assert labels([ppo], "intact", curl) == ["cc_s · ppo · seed 0\ncurl_field, forces.curl = 9.0"]
+    arm = {name: [0.1] * 6 for name in ("tendon_length", "optimal_muscle_length")}
+    (label,) = labels([ppo], "intact", conditions(ppo.config, None, {"trial": {"arm": arm}}))
+    assert len(label.splitlines()[1]) <= 64
+    assert label.endswith(" …")
 
 
 def test_the_chosen_weights_act(bptt_run, same_bits):
