@@ -93,7 +93,7 @@ def trial_kernels(features: Features) -> TrialKernels:
     numbers = {"two_arms": arms > 1, **features._asdict(), "arms": False}
     name = ".".join(("bilateral_rl.trials", *(field for field, has in numbers.items() if has)))
     view, target_at = (N_VIEW, HAND + 4) if arms > 1 else (0, N_SENSED)
-    both, moving = arms > 1, forces or arms > 1
+    both, moving_alone = arms > 1, forces and arms == 1
 
     @wp.kernel(module=name, enable_backward=False)
     def start_trials(
@@ -151,14 +151,13 @@ def trial_kernels(features: Features) -> TrialKernels:
             return
         noise_row = clock % s.noise.shape[1]
         newest = (clock + 1) % s.sensed.shape[1]
-        if moving:  # before any arm moves, so that the forces of both hands are of the same moment
+        if both:  # before any arm moves, so that the forces of both hands are of the same moment
             for a in range(arms):
                 arm = trial * arms + a
                 force = s.load[arm]
                 if forces:
                     force = force + moving_force(f, arm, clock, hand(p, s.joint[arm]))
                 f.force[arm] = force
-        if both:
             pull = spring_force(f, trial, hand(p, s.joint[2 * trial]), hand(p, s.joint[2 * trial + 1]))
             f.force[2 * trial] = f.force[2 * trial] + pull
             f.force[2 * trial + 1] = f.force[2 * trial + 1] + vec2(pull[0], -pull[1])  # the opposite one, mirrored
@@ -173,8 +172,11 @@ def trial_kernels(features: Features) -> TrialKernels:
             before = s.joint[arm]
             muscle = s.muscle[arm]
             force = s.load[arm]
-            if moving:
+            if both:
                 force = f.force[arm]
+            if moving_alone:  # here, where sines and cosines of the posture are at hand
+                force = force + moving_force(f, arm, clock, hand(p, before))
+                f.force[arm] = force
             after = next_joint(p, before, muscle_torque(p, before, muscle[FORCE]), force)
             s.joint[arm] = after
             s.muscle[arm] = muscles_at(p, before, activate(p, muscle[ACTIVATION], driven))
