@@ -26,7 +26,7 @@ from bilateral_rl.io.errors import UserError
 from bilateral_rl.policies.lesions import INTACT, LESIONS
 from bilateral_rl.runs.folder import FINAL
 from bilateral_rl.video import files
-from bilateral_rl.video.cast import Actor, common_trials, labels, told_apart
+from bilateral_rl.video.cast import Actor, common_trials, labels, told_apart, unusual_trials
 from bilateral_rl.video.film import Film, Picture
 from bilateral_rl.vocabulary import TEST_SEED
 
@@ -151,20 +151,15 @@ def default_path(actors: Sequence[Actor], under: Conditions, lesion: str, weight
     seeds = ["" if actor.named_seed is None else f"-seed-{actor.named_seed}" for actor in actors]
     runs = [f"{name.replace('/', '-')}{seed}" for name, seed in zip(told_apart(actors), seeds, strict=True)]
     unusual = [what for what, usual in ((weights, FINAL), (lesion, INTACT)) if what != usual]
-    name = "-".join(["+".join(runs), *unusual, *_unusual_conditions(under)])
+    name = "-".join(["+".join(runs), *unusual, *_as_file_name(unusual_trials(actors, under))])
     return actors[0].path.parent / f"{name}.mp4"
 
 
-def _unusual_conditions(under: Conditions) -> Iterator[str]:
-    """What a file's name says of another task or other settings: in words that any system allows, or by a digest."""
-    told = [
-        str(value) if name == "task" else f"{name.partition('.')[2]}={value}" for name, value in under.changed.items()
-    ]
-    if not told:
-        return
-    words = re.sub(r"[^\w.=+-]+", "_", "-".join(told))
-    digest = hashlib.sha256(words.encode()).hexdigest()[:8]
-    yield words if len(words) <= MAX_WORDS else f"{words[:MAX_WORDS]}-{digest}"
+def _as_file_name(words: Sequence[str]) -> list[str]:
+    """Return what is unusual in characters that any system allows, as one word or none, with a digest if it is long."""
+    name = re.sub(r"[^\w.=+-]+", "_", "-".join(words))
+    digest = hashlib.sha256(name.encode()).hexdigest()[:8]
+    return [name if len(name) <= MAX_WORDS else f"{name[:MAX_WORDS]}-{digest}"] if name else []
 
 
 def _counted(film: Film, progress: ProgressLike) -> Iterator[Picture]:

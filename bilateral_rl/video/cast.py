@@ -89,11 +89,15 @@ def labels(actors: Sequence[Actor], lesion: str, under: Conditions) -> list[str]
     if len(set(plain)) < len(plain):
         plain = [f"{label} ({printable(name)})" for label, name in zip(plain, told_apart(actors), strict=True)]
     lesioned = "" if lesion == INTACT else f" · lesion: {lesion_words(lesion)}"
-    settings = [f"{name.partition('.')[2]} = {value}" for name, value in under.changed.items() if name != "task"]
-    task = [under.task] if any(actor.config.task != under.task for actor in actors) else []
-    unusual = ", ".join([*task, *settings])
+    unusual = ", ".join(unusual_trials(actors, under))
     tested = f"\n{shorten(unusual, _WIDTH, placeholder=' …')}" if unusual else ""
     return [f"{label}{lesioned}{printable(tested)}" for label in plain]
+
+
+def unusual_trials(actors: Sequence[Actor], under: Conditions) -> list[str]:
+    """Return the task, where not all learned it, and each setting that is another one, as ``name=value``."""
+    task = [under.task] if any(actor.config.task != under.task for actor in actors) else []
+    return task + [f"{name.partition('.')[2]}={value}" for name, value in under.changed.items() if name != "task"]
 
 
 def told_apart(actors: Sequence[Actor]) -> list[str]:

@@ -117,7 +117,7 @@ def test_films_the_trials_that_evaluate_tests_with_another_task_or_other_setting
 def test_different_films_have_different_names(show, filmed, small_bptt, tmp_path):
     runs = [train(small_bptt(task=task, seeds=1, epochs=1), tmp_path).folder.path for task in TWO_TASKS]
     reach, hold = TWO_TASKS
-    assert show(*runs, task=reach, out=None).path.name == f"{reach}-cc_s-bptt-1+{hold}-cc_s-bptt-1.mp4"
+    assert show(*runs, task=reach, out=None).path.name == f"{reach}-cc_s-bptt-1+{hold}-cc_s-bptt-1-{reach}.mp4"
     assert (
         show(*runs, task=hold, out=None).path.name
         == f"{reach}-cc_s-bptt-1+{hold}-cc_s-bptt-1-{hold}-trial_length=20.mp4"

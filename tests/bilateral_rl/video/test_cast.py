@@ -24,9 +24,9 @@ def test_labels_say_who_acts_and_name_the_folder_only_where_needed(bptt_run, run
 def test_a_second_line_of_labels_says_what_is_unusual_in_the_trials(run):
     ppo = Actor.load(str(run.path), "final")
     noisy = conditions(ppo.config, None, {"trial": {"sensory_noise": 0.1}})
-    assert labels([ppo], "intact", noisy) == ["cc_s · ppo · seed 0\nsensory_noise = 0.1"]
+    assert labels([ppo], "intact", noisy) == ["cc_s · ppo · seed 0\nsensory_noise=0.1"]
     curl = conditions(ppo.config, "curl_field", {"experiment": {"forces": {"curl": 9}}, "trial": {"trial_length": 50}})
-    assert labels([ppo], "intact", curl) == ["cc_s · ppo · seed 0\ncurl_field, forces.curl = 9.0"]
+    assert labels([ppo], "intact", curl) == ["cc_s · ppo · seed 0\ncurl_field, forces.curl=9.0"]
     arm = {name: [0.1] * 6 for name in ("tendon_length", "optimal_muscle_length")}
     (label,) = labels([ppo], "intact", conditions(ppo.config, None, {"trial": {"arm": arm}}))
     assert len(label.splitlines()[1]) <= 64
