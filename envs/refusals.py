@@ -55,9 +55,9 @@ def refusal(cls: type[Any], errors: ValidationError, within: str = "") -> str:
         where = f"in {around}" if around else "among the settings"
         inside = _field_type(cls, path[:-1])
         names = [f.name for f in dataclasses.fields(inside)]
-        if owner := next((n for n in names if path and path[-1] in _names(_field_type(inside, [n]))), None):
-            return f"{path[-1]} is a setting of {owner}: give {owner}={{{path[-1]!r}: ...}}."
         unknown = path[-1] if path else error["loc"][-1]
+        if below := _below(inside, str(unknown)):
+            return f"Unknown setting {unknown!r} {where}; it is {'.'.join([*filter(None, [around]), *below])}."
         near = difflib.get_close_matches(str(unknown), names, n=1)
         hint = f"; you may have meant {near[0]}" if near else ""
         return f"Unknown setting {unknown!r} {where}; choose from {', '.join(names)}{hint}."
@@ -119,6 +119,17 @@ def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
     for part in path:
         cls = _settings_in(typing.get_type_hints(cls)[part]) if dataclasses.is_dataclass(cls) else object
     return cls
+
+
+def _below(cls: type[Any], name: str) -> list[str]:
+    """Return the path to the setting of this name nearest to the dataclass ``cls`` but not its own; [] for none."""
+    paths = [[field] for field in sorted(_names(cls))]
+    for path in paths:  # which grows meanwhile: nearer ones come first
+        inside = sorted(_names(_field_type(cls, path)))
+        if name in inside:
+            return [*path, name]
+        paths += [[*path, field] for field in inside]
+    return []
 
 
 def _settings_in(hint: Any) -> Any:

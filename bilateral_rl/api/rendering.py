@@ -15,7 +15,7 @@ from bilateral_rl.analysis.conditions import Conditions
 from bilateral_rl.analysis.trials import Evaluator
 from bilateral_rl.api.checks import as_path, check_tests, settings_by_name, whole
 from bilateral_rl.api.notes import tell
-from bilateral_rl.api.progress import ProgressLike, bar
+from bilateral_rl.api.progress import ProgressLike, bar, console_of
 from bilateral_rl.api.run import Run, find_run
 from bilateral_rl.api.wording import in_python
 from bilateral_rl.config.catalogue import check_choice
@@ -111,6 +111,7 @@ def make_video(
     """Make a video (:func:`render`); settings are nested dictionaries. Raises UserError for one that cannot be."""
     trials, seed = check_tests(trials, seed)
     _check_arguments(runs, lesion, size := whole("--size", size))
+    console_of(progress)  # refused before anything is simulated
     actors = [Actor.load(find_run(run).name, weights) for run in runs]
     for actor in actors:
         actor.check_lesion(lesion)

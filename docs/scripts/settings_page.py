@@ -178,11 +178,12 @@ def by_task(texts: Mapping[str, str]) -> str:
 
 
 def _kind(tasks: list[str]) -> str:
-    """Say which tasks these are: all of one arm or of two, or some by their names."""
-    for n_arms, words in ((1, "one arm"), (2, "two arms")):
-        if tasks == [name for name, spec in TASK_SPECS.items() if spec.n_arms == n_arms]:
-            return words
-    return ", ".join({"random_reach": "reach", "hold_position": "hold"}.get(task, task) for task in tasks)
+    """Say which tasks these are: all of one arm, all of two, or their names."""
+    words = []
+    for n_arms, all_of_them in ((1, "one arm"), (2, "two arms")):
+        of_these = [name for name, spec in TASK_SPECS.items() if spec.n_arms == n_arms]
+        words += [all_of_them] if set(of_these) <= set(tasks) else [name for name in of_these if name in tasks]
+    return ", ".join(words)
 
 
 def _value(algo: str, task: str, key: str) -> str:

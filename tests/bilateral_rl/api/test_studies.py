@@ -108,6 +108,12 @@ def test_a_video_is_where_it_is_wanted(loaded, tmp_path):
         brl.render(loaded, slow_down=1)
 
 
+def test_a_video_refuses_its_arguments_before_anything_is_simulated(loaded, monkeypatch):
+    monkeypatch.setattr("bilateral_rl.api.rendering.Evaluator", lambda *_: pytest.fail("it was simulated"))
+    with pytest.raises(UserError, match=r"^`progress` must be True, False or a console of rich, got 'yes'"):
+        brl.render(loaded, progress="yes")
+
+
 def test_curves_are_of_every_seed_or_of_one(loaded, run):
     curves = loaded.curves()
     assert set(curves["seed"]) == {0, 1, 2}
