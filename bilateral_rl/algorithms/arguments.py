@@ -127,6 +127,8 @@ EVERY: dict[str, Check] = {
     "frozen": _frozen,
     "penalty_weights": _penalty_weights,
     "reward_scale": _positive,
+    "critic_rate_factor": _positive,
+    "network_epsilon": _or_none(_positive),
     "learning_rate": _schedule,
     "gamma": _share,
     "stats_window_size": whole,

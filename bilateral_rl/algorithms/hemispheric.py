@@ -6,6 +6,7 @@ import copy
 import io
 import pathlib
 import warnings
+from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
@@ -25,6 +26,7 @@ from torch import Tensor, nn
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
 from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
+from bilateral_rl.algorithms.optimizer_groups import set_epsilon
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, check_one_reward
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.saved_models import check_saved_by
@@ -72,6 +74,8 @@ class Hemispheric(BaseAlgorithm):
     action_traces: tuple[float, ...] = ()
     frozen: tuple[Group, ...] = ()
     penalty_weights: tuple[float, float] = PENALTY_WEIGHTS
+    critic_rate_factor: float = 1.0
+    network_epsilon: float | None = None
     normalized_observations: bool | None = None
     """Whether it was trained on observations that ``VecNormalize`` normalized; None if it was not, or not yet."""
     _last_traces: NDArray[np.float32] | None = None  # (n_envs, n): of the actions before the last observation
@@ -93,6 +97,8 @@ class Hemispheric(BaseAlgorithm):
         action_traces: Sequence[float],
         frozen: Sequence[Group],
         penalty_weights: Sequence[float],
+        critic_rate_factor: float,
+        network_epsilon: float | None,
         policy_kwargs: dict[str, Any] | None,
         **sb3_arguments: Any,
     ) -> None:
@@ -107,6 +113,7 @@ class Hemispheric(BaseAlgorithm):
         self.action_traces = checked_decays(action_traces)
         own = checked({"frozen": frozen, "penalty_weights": penalty_weights}, EVERY)
         self.frozen, self.penalty_weights = own["frozen"], own["penalty_weights"]
+        self.critic_rate_factor, self.network_epsilon = critic_rate_factor, network_epsilon
         _warn_of_no_penalty(loss, weight_penalty, self.penalty_weights, stacklevel=4)
         critics_of = {"n_streams": len(stream_mix(loss)), "n_traces": len(self.action_traces)}
         policy_kwargs = critics_of | available(policy_kwargs or {})
@@ -372,6 +379,23 @@ class Hemispheric(BaseAlgorithm):
         return np.asarray(streams * self.reward_scale, dtype=np.float32)
 
     # --- updates ----------------------------------------------------------------------------------------------------
+
+    def _update_learning_rate(self, optimizers: list[torch.optim.Optimizer] | torch.optim.Optimizer) -> None:
+        """Set the present learning rate, ``critic_rate_factor`` times as large for critics, and the network's ε."""
+        super()._update_learning_rate(optimizers)
+        of_network, of_critics = self._optimized()
+        if not of_critics and self.critic_rate_factor != 1:
+            raise ValueError(
+                "critic_rate_factor needs an optimizer in which critics have a parameter group of their own."
+            )
+        for group in of_critics:
+            group["lr"] *= self.critic_rate_factor
+        for group in of_network:
+            set_epsilon(group, self.network_epsilon)
+
+    @abstractmethod
+    def _optimized(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """Return the optimizers' parameter groups: the network's, with all that is no critic's, and the critics'."""
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""

@@ -25,9 +25,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
     Each stream has its own critic, advantage and policy loss; one optimizer step over the whole rollout applies the
     routed gradients (``algorithms/routing.py``), clipped per parameter group.
 
-    The arguments are those of SB3's ``A2C``, with its defaults, and six more: ``loss``, ``weight_penalty``,
-    ``penalty_weights``, ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and
-    ``max_grad_norm``.
+    The arguments are those of SB3's ``A2C``, with its defaults, and eight more, from ``loss`` to
+    ``network_epsilon``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -46,6 +45,11 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             critics do, and so does the exploration.
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
+        critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
+            than the network know more of what it is to follow.
+        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
+            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
+            a little less of the same command pull against each other more slowly.
         learning_rate: the optimizer's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         gamma: discount.
@@ -85,6 +89,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
         penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
+        critic_rate_factor: float = 1.0,
+        network_epsilon: float | None = None,
         learning_rate: float | Schedule = 7e-4,
         n_steps: int = 5,
         gamma: float = 0.99,
@@ -117,6 +123,8 @@ class HemisphericA2C(HemisphericOnPolicy, A2C):
             action_traces=action_traces,
             frozen=frozen,
             penalty_weights=penalty_weights,
+            critic_rate_factor=critic_rate_factor,
+            network_epsilon=network_epsilon,
             learning_rate=learning_rate,
             n_steps=n_steps,
             gamma=gamma,

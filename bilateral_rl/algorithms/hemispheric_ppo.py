@@ -28,9 +28,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
     optimizer step applies the routed gradients (``algorithms/routing.py``), clipped per parameter group. The optimizer
     is Adam with its fused kernel.
 
-    The arguments are those of SB3's ``PPO``, with its defaults, and six more: ``loss``, ``weight_penalty``,
-    ``penalty_weights``, ``reward_scale``, ``action_traces`` and ``frozen``. Two mean something else: ``ent_coef`` and
-    ``max_grad_norm``.
+    The arguments are those of SB3's ``PPO``, with its defaults, and eight more, from ``loss`` to
+    ``network_epsilon``. Two mean something else: ``ent_coef`` and ``max_grad_norm``.
 
     Args:
         policy: "UnilateralPolicy", "BilateralPolicy" or "CallosalPolicy", or a subclass of
@@ -49,6 +48,11 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             critics do, and so does the exploration.
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
+        critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
+            than the network know more of what it is to follow.
+        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
+            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
+            a little less of the same command pull against each other more slowly.
         learning_rate: Adam's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         batch_size: largest number of samples in a minibatch.
@@ -91,6 +95,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
         penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
+        critic_rate_factor: float = 1.0,
+        network_epsilon: float | None = None,
         learning_rate: float | Schedule = 3e-4,
         n_steps: int = 2048,
         batch_size: int = 64,
@@ -125,6 +131,8 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
             action_traces=action_traces,
             frozen=frozen,
             penalty_weights=penalty_weights,
+            critic_rate_factor=critic_rate_factor,
+            network_epsilon=network_epsilon,
             learning_rate=learning_rate,
             n_steps=n_steps,
             batch_size=batch_size,

@@ -29,7 +29,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. The optimizers
     are Adam with its fused kernel.
 
-    The arguments are those of SB3's ``SAC``, with its defaults, and ten more, from ``loss`` to
+    The arguments are those of SB3's ``SAC``, with its defaults, and twelve more, from ``loss`` to
     ``policy_delay``.
 
     Args:
@@ -51,6 +51,11 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             critics do, and so does the exploration.
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
+        critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
+            than the network know more of what it is to follow.
+        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
+            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
+            a little less of the same command pull against each other more slowly.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
@@ -113,6 +118,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
         penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
+        critic_rate_factor: float = 1.0,
+        network_epsilon: float | None = None,
         standardize_inputs: bool = False,
         actor_value: ActorValue = "min",
         normalize_streams: bool = False,
@@ -157,6 +164,8 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
             action_traces=action_traces,
             frozen=frozen,
             penalty_weights=penalty_weights,
+            critic_rate_factor=critic_rate_factor,
+            network_epsilon=network_epsilon,
             standardize_inputs=standardize_inputs,
             actor_value=actor_value,
             normalize_streams=normalize_streams,

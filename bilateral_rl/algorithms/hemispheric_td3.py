@@ -28,7 +28,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
     gradient through a stream's critics is that stream's, and is routed (``algorithms/routing.py``). The optimizers are
     Adam with its fused kernel.
 
-    The arguments are those of SB3's ``TD3``, with its defaults, and nine more, from ``loss`` to
+    The arguments are those of SB3's ``TD3``, with its defaults, and eleven more, from ``loss`` to
     ``normalize_streams``.
 
     Args:
@@ -50,6 +50,11 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             critics do, and so does the exploration.
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
+        critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
+            than the network know more of what it is to follow.
+        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
+            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
+            a little less of the same command pull against each other more slowly.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or
@@ -103,6 +108,8 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         action_traces: Sequence[float] = (),
         frozen: Sequence[Group] = (),
         penalty_weights: Sequence[float] = PENALTY_WEIGHTS,
+        critic_rate_factor: float = 1.0,
+        network_epsilon: float | None = None,
         standardize_inputs: bool = False,
         actor_value: ActorValue = "first",
         normalize_streams: bool = False,
@@ -140,6 +147,8 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
             action_traces=action_traces,
             frozen=frozen,
             penalty_weights=penalty_weights,
+            critic_rate_factor=critic_rate_factor,
+            network_epsilon=network_epsilon,
             standardize_inputs=standardize_inputs,
             actor_value=actor_value,
             normalize_streams=normalize_streams,

@@ -22,7 +22,7 @@ _LINEAR = "lin_"
 _ONLY_HEMISPHERIC = frozenset(
     {
         "loss", "weight_penalty", "penalty_weights", "frozen", "reward_scale", "critic_warm_up", "action_traces",
-        "standardize_inputs", "actor_value", "normalize_streams",
+        "standardize_inputs", "actor_value", "normalize_streams", "critic_rate_factor", "network_epsilon",
     }
 )  # fmt: skip
 """Arguments that stock algorithms do not take."""

@@ -340,7 +340,9 @@ def test_truth_values_and_rows_are_no_numbers(value):
 
 
 def test_a_constant_of_the_arm_among_the_settings_is_told_its_place():
-    with pytest.raises(ValueError, match=r"^Unknown setting 'link_length' among the settings; it is arm\.link_length\."):
+    with pytest.raises(
+        ValueError, match=r"^Unknown setting 'link_length' among the settings; it is arm\.link_length\."
+    ):
         ArmVecEnv(2, link_length=(0.3, 0.3))
     with pytest.raises(ValueError, match=r"'stiffness' among the settings; it is two_arms\.spring\.stiffness\."):
         ArmVecEnv(2, stiffness=0)

@@ -34,6 +34,8 @@ SHOWS = {
     "weight_penalty": 0.5,
     "penalty_weights": [1.0, 0.5],
     "reward_scale": 2.0,
+    "critic_rate_factor": 3.0,
+    "network_epsilon": 0.1,
     "action_traces": (0.5,),
     "frozen": "dominant",
     "learning_rate": 0.01,

@@ -12,7 +12,7 @@ from bilateral_rl.algorithms import HemisphericA2C, HemisphericPPO, HemisphericS
 
 OURS = {
     "loss": "specialized", "weight_penalty": 0.001, "reward_scale": 1.0, "action_traces": (), "frozen": (),
-    "penalty_weights": (0.0, 2.0),
+    "penalty_weights": (0.0, 2.0), "critic_rate_factor": 1.0, "network_epsilon": None,
 }  # fmt: skip
 OURS_OFF_POLICY = OURS | {"critic_warm_up": 0, "standardize_inputs": False, "normalize_streams": False}
 OF_SAC = {"policy_delay": 1}

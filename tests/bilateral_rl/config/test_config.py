@@ -225,6 +225,8 @@ BAD_HYPERPARAMETERS = [
     (("ppo", "a2c", "sac", "td3"), "gamma", (-0.1, 1.01)),
     (("ppo", "a2c", "sac", "td3"), "weight_penalty", (-0.001,)),
     (("ppo", "a2c", "sac", "td3"), "reward_scale", (0, -1)),
+    (("ppo", "a2c", "sac", "td3"), "critic_rate_factor", (0, -1, 10**6)),
+    (("ppo", "a2c", "sac", "td3"), "network_epsilon", (0, -1)),
     (("ppo", "a2c", "sac", "td3"), "action_traces", ([0.5, 1.0], [-0.1], [float("nan")], 0.5, [0.5] * 9)),
     (ON_POLICY, "n_steps", (0, 2.5)),
     (ON_POLICY, "gae_lambda", (-0.1, 1.1)),
