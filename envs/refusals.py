@@ -56,8 +56,9 @@ def refusal(cls: type[Any], errors: ValidationError, within: str = "") -> str:
         inside = _field_type(cls, path[:-1])
         names = [f.name for f in dataclasses.fields(inside)]
         unknown = path[-1] if path else error["loc"][-1]
-        if below := _below(inside, str(unknown)):
-            return f"Unknown setting {unknown!r} {where}; it is {'.'.join([*filter(None, [around]), *below])}."
+        if deeper := _deeper(inside, str(unknown)):
+            paths = " or ".join(".".join([*filter(None, [around]), *path]) for path in deeper)
+            return f"Unknown setting {unknown!r} {where}; it is {paths}."
         near = difflib.get_close_matches(str(unknown), names, n=1)
         hint = f"; you may have meant {near[0]}" if near else ""
         return f"Unknown setting {unknown!r} {where}; choose from {', '.join(names)}{hint}."
@@ -96,7 +97,7 @@ _EXPECTED = {
 """What each of pydantic's kinds of error expects, by the beginning of its name; longer beginnings come first."""
 
 
-def _separator(reason: str, names: set[str]) -> str:
+def _separator(reason: str, names: Sequence[str]) -> str:
     """Return what stands between a setting and the reason why it is refused, which may begin with one inside it."""
     if reason.partition(" ")[0].partition(".")[0] in names:
         return "."
@@ -121,15 +122,16 @@ def _field_type(cls: type[Any], path: Sequence[str]) -> type[Any]:
     return cls
 
 
-def _below(cls: type[Any], name: str) -> list[str]:
-    """Return the path to the setting of this name nearest to the dataclass ``cls`` but not its own; [] for none."""
-    paths = [[field] for field in sorted(_names(cls))]
-    for path in paths:  # which grows meanwhile: nearer ones come first
-        inside = sorted(_names(_field_type(cls, path)))
-        if name in inside:
-            return [*path, name]
-        paths += [[*path, field] for field in inside]
-    return []
+def _deeper(cls: type[Any], name: str) -> list[list[str]]:
+    """Return the paths to settings of this name below those of the dataclass ``cls``.
+
+    An experiment's are left out where there are others: it says in a file of its own what few trainings have at all.
+    """
+    paths = [[field] for field in _names(cls)]
+    for path in paths:  # which grows meanwhile
+        paths += [[*path, field] for field in _names(_field_type(cls, path))]
+    found = [path for path in paths if path[-1] == name and len(path) > 1]
+    return [path for path in found if path[0] != "experiment"] or found
 
 
 def _settings_in(hint: Any) -> Any:
@@ -139,9 +141,9 @@ def _settings_in(hint: Any) -> Any:
     return next((form for form in forms if dataclasses.is_dataclass(form)), hint)
 
 
-def _names(cls: type[Any]) -> set[str]:
+def _names(cls: type[Any]) -> list[str]:
     """Return the names of a dataclass's fields; none of another type."""
-    return {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set()
+    return [f.name for f in dataclasses.fields(cls)] if dataclasses.is_dataclass(cls) else []
 
 
 def shown(value: object) -> str:

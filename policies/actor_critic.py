@@ -139,10 +139,6 @@ class BilateralActorCriticPolicy(MotorPolicy, Constrained, ActorCriticPolicy):
         groups["shared"] += [parameter for parameter in self.parameters() if id(parameter) not in owned]
         return groups
 
-    def critic_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters of all critics, which are the last ones of the policy."""
-        return list(self.mlp_extractor.critics.parameters())  # type: ignore[union-attr]
-
     def action_mean(self, obs: PyTorchObs, noise: Tensor | None = None) -> Tensor:
         """Return the mean of the Gaussian before the squashing, (n, n_actions).
 

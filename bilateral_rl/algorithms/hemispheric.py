@@ -26,7 +26,7 @@ from torch import Tensor, nn
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
 from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
-from bilateral_rl.algorithms.optimizer_groups import set_epsilon
+from bilateral_rl.algorithms.optimizer_groups import load_separated, separate, set_epsilon
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, check_one_reward
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.saved_models import check_saved_by
@@ -248,6 +248,9 @@ class Hemispheric(BaseAlgorithm):
                 f"{self.policy.n_traces} traces: a saved model keeps its traces, and policy_kwargs leave n_traces out."
             )
         self._freeze()
+        self._set_rates()
+        for optimizer in self._separable_optimizers():
+            load_separated(optimizer, self._ids_of_critics())
         self._built_with = {name: getattr(self, name) for name in (*self.FIXED, "learning_rate")}
 
     def _freeze(self) -> None:
@@ -290,6 +293,7 @@ class Hemispheric(BaseAlgorithm):
         if self.learning_rate != self._built_with["learning_rate"]:
             self._built_with["learning_rate"] = self.learning_rate
             self._setup_lr_schedule()
+        self._set_rates()
         if reset_num_timesteps or self._last_obs is None or self._last_traces is None:
             assert self.env is not None
             self._last_traces = self._traces.start(self.env.num_envs)
@@ -383,19 +387,28 @@ class Hemispheric(BaseAlgorithm):
     def _update_learning_rate(self, optimizers: list[torch.optim.Optimizer] | torch.optim.Optimizer) -> None:
         """Set the present learning rate, ``critic_rate_factor`` times as large for critics, and the network's ε."""
         super()._update_learning_rate(optimizers)
-        of_network, of_critics = self._optimized()
-        if not of_critics and self.critic_rate_factor != 1:
-            raise ValueError(
-                "critic_rate_factor needs an optimizer in which critics have a parameter group of their own."
-            )
-        for group in of_critics:
-            group["lr"] *= self.critic_rate_factor
-        for group in of_network:
-            set_epsilon(group, self.network_epsilon)
+        self._set_rates()
+
+    def _set_rates(self) -> None:
+        """Give critics their learning rate, and whatever is no critic's the network's ε."""
+        critics = self._ids_of_critics()
+        rate = self.critic_rate_factor * self.lr_schedule(self._current_progress_remaining)
+        for optimizer in self._separable_optimizers():
+            if self.critic_rate_factor != 1 or self.network_epsilon is not None:
+                separate(optimizer, critics)
+            for group in optimizer.param_groups:
+                if all(id(parameter) in critics for parameter in group["params"]):
+                    group["lr"] = rate
+                else:
+                    set_epsilon(group, self.network_epsilon)
+
+    def _ids_of_critics(self) -> set[int]:
+        groups = self._groups.items()
+        return {id(parameter) for name, group in groups if name.startswith("critic_") for parameter in group}
 
     @abstractmethod
-    def _optimized(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """Return the optimizers' parameter groups: the network's, with all that is no critic's, and the critics'."""
+    def _separable_optimizers(self) -> list[torch.optim.Optimizer]:
+        """Return the optimizers of network and critics."""
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""

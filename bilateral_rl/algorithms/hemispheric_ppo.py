@@ -49,10 +49,10 @@ class HemisphericPPO(HemisphericOnPolicy, PPO):
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
         critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
-            than the network know more of what it is to follow.
-        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
-            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
-            a little less of the same command pull against each other more slowly.
+            than the network know more of what it is to follow. Features extractors learn at the network's rate.
+        network_epsilon: ε of Adam (or RMSprop) for all but the critics, beside the root mean square of a gradient; None
+            for that of the optimizer. A larger one gives small gradients small steps, so that hemispheres which want a
+            little more and a little less of the same command pull against each other more slowly.
         learning_rate: Adam's learning rate, a number or a function of the remaining progress (1 to 0).
         n_steps: steps of each environment between updates.
         batch_size: largest number of samples in a minibatch.

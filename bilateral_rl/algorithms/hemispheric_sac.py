@@ -29,7 +29,7 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
     (``algorithms/routing.py``). There is one temperature, learned along the shared group's gradient. The optimizers
     are Adam with its fused kernel.
 
-    The arguments are those of SB3's ``SAC``, with its defaults, and twelve more, from ``loss`` to
+    The arguments are those of SB3's ``SAC``, with its defaults, and thirteen more, from ``loss`` to
     ``policy_delay``.
 
     Args:
@@ -52,10 +52,10 @@ class HemisphericSAC(HemisphericOffPolicy, SAC):
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
         critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
-            than the network know more of what it is to follow.
-        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
-            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
-            a little less of the same command pull against each other more slowly.
+            than the network know more of what it is to follow. Features extractors learn at the network's rate.
+        network_epsilon: ε of Adam (or RMSprop) for all but the critics, beside the root mean square of a gradient; None
+            for that of the optimizer. A larger one gives small gradients small steps, so that hemispheres which want a
+            little more and a little less of the same command pull against each other more slowly.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or

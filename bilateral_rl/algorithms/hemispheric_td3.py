@@ -28,7 +28,7 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
     gradient through a stream's critics is that stream's, and is routed (``algorithms/routing.py``). The optimizers are
     Adam with its fused kernel.
 
-    The arguments are those of SB3's ``TD3``, with its defaults, and eleven more, from ``loss`` to
+    The arguments are those of SB3's ``TD3``, with its defaults, and twelve more, from ``loss`` to
     ``normalize_streams``.
 
     Args:
@@ -51,10 +51,10 @@ class HemisphericTD3(HemisphericOffPolicy, TD3):
         penalty_weights: weight of the weight penalty in the dominant and in the non-dominant loss, the paper's by
             default.
         critic_rate_factor: learning rate of the critics, in multiples of ``learning_rate``. Critics that learn faster
-            than the network know more of what it is to follow.
-        network_epsilon: ε of the network's Adam, beside the root mean square of a gradient; None for that of the
-            optimizer. A larger one gives small gradients small steps, so that hemispheres which want a little more and
-            a little less of the same command pull against each other more slowly.
+            than the network know more of what it is to follow. Features extractors learn at the network's rate.
+        network_epsilon: ε of Adam (or RMSprop) for all but the critics, beside the root mean square of a gradient; None
+            for that of the optimizer. A larger one gives small gradients small steps, so that hemispheres which want a
+            little more and a little less of the same command pull against each other more slowly.
         standardize_inputs: whether the critics see observations and traces standardized, by the mean and the standard
             deviation of the steps before the first update.
         actor_value: what the network follows of a stream's critics: the smallest value, "min", their mean, "mean", or

@@ -287,8 +287,8 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         """Return all optimizers, which have one learning rate."""
         return [self.policy.actor.optimizer, self.critic.optimizer]
 
-    def _optimized(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        return self.policy.actor.optimizer.param_groups, self.critic.optimizer.param_groups
+    def _separable_optimizers(self) -> list[torch.optim.Optimizer]:
+        return [self.policy.actor.optimizer, self.policy.critic.optimizer]
 
     def _next_values(self, batch: StreamSamples, next_actions: Tensor) -> Tensor:
         """Return the smallest value (b, n_streams) of ``next_actions`` (b, n_actions) by each stream's targets."""

@@ -13,8 +13,6 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.save_util import load_from_zip_file
-from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import FloatSchedule, explained_variance
 from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
@@ -22,7 +20,6 @@ from torch import Tensor
 from bilateral_rl.algorithms.arguments import ON_POLICY
 from bilateral_rl.algorithms.finite import check_observations
 from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
-from bilateral_rl.algorithms.optimizer_groups import separate, separated_state
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, gives_pairs, outermost_pairs, own_pairs
 from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.schedules import linear_schedule
@@ -69,29 +66,11 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         self.rollout_buffer_class = StreamRolloutBuffer
         self.rollout_buffer_kwargs = self._buffer_arguments(self.rollout_buffer_kwargs)
         super()._setup_model()
-        separate(self.policy.optimizer, len(self.policy.critic_parameters()))
         if self.policy.motor_network.noise.std:
             self.rollout_buffer.keep_noise(self.policy.motor_network.hidden_shape)
 
-    def set_parameters(
-        self, load_path_or_dict: str | TensorDict, exact_match: bool = True, device: torch.device | str = "auto"
-    ) -> None:
-        """Load parameters as SB3 does, also those of models that had network and critics in one group."""
-        if isinstance(load_path_or_dict, dict):
-            parameters = dict(load_path_or_dict)
-        else:
-            _, parameters, _ = load_from_zip_file(load_path_or_dict, device=device, load_data=False)
-        state: Any = parameters.get("policy.optimizer")
-        if state is not None:
-            parameters["policy.optimizer"] = separated_state(state, self.policy.optimizer)  # type: ignore[assignment] # says SB3
-        super().set_parameters(parameters, exact_match, device)
-
-    def _optimized(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        critics = set(self.policy.critic_parameters())
-        parts: tuple[list[dict[str, Any]], list[dict[str, Any]]] = ([], [])
-        for group in self.policy.optimizer.param_groups:
-            parts[critics.issuperset(group["params"])].append(group)
-        return parts
+    def _separable_optimizers(self) -> list[torch.optim.Optimizer]:
+        return [self.policy.optimizer]
 
     # --- collecting -------------------------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ other at the full learning rate. A larger ε beside that root mean square gives 
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import Any
 
 import torch
@@ -15,35 +16,45 @@ _USUAL = "usual_eps"
 """Under this name a group keeps the ε of its optimizer, while the network has one of its own."""
 
 
-def separate(optimizer: torch.optim.Optimizer, n_critics: int) -> None:
-    """Give the critics' parameters, the last ``n_critics`` of an optimizer with one group, a group of their own."""
-    (group,) = optimizer.param_groups
-    of_critics = {**group, "params": group["params"][-n_critics:]}
-    group["params"] = group["params"][:-n_critics]
-    optimizer.param_groups.append(of_critics)
+def separate(optimizer: torch.optim.Optimizer, critics: Container[int]) -> None:
+    """Give critics' parameters, known by their ids, a group of their own where one holds others too."""
+    for group in list(optimizer.param_groups):
+        own = [parameter for parameter in group["params"] if id(parameter) in critics]
+        others = [parameter for parameter in group["params"] if id(parameter) not in critics]
+        if own and others:
+            group["params"] = others
+            optimizer.param_groups.append({**group, "params": own})
 
 
-def separated_state(state: dict[str, Any], optimizer: torch.optim.Optimizer) -> dict[str, Any]:
-    """Return what ``state_dict`` saved of one group as a state of an optimizer that has the same parameters in two.
+def load_separated(optimizer: torch.optim.Optimizer, critics: Container[int]) -> None:
+    """Let an optimizer load states also of a model whose critics had no group of their own, or alone had one.
 
-    Models that were saved before critics had a group of their own hold such a state.
+    A hook of the optimizer, as torch refuses a state with another number of groups. It leaves states alone in which the
+    critics' parameters are not the last ones.
     """
-    groups, sizes = state["param_groups"], [len(group["params"]) for group in optimizer.param_groups]
-    if len(groups) != 1 or len(sizes) != 2 or len(groups[0]["params"]) != sum(sizes):
-        return state
-    order = groups[0]["params"]
-    parts = [order[: sizes[0]], order[sizes[0] :]]
-    return {**state, "param_groups": [{**groups[0], "params": part} for part in parts]}
+
+    def fit(optimizer: torch.optim.Optimizer, state: dict[str, Any]) -> dict[str, Any] | None:
+        saved = state["param_groups"]
+        if len(saved) == 2 and len(optimizer.param_groups) == 1:
+            separate(optimizer, critics)
+        sizes = [len(group["params"]) for group in optimizer.param_groups]
+        if len(saved) != 1 or len(sizes) != 2 or len(saved[0]["params"]) != sum(sizes):
+            return None
+        order = saved[0]["params"]
+        parts = [order[: sizes[0]], order[sizes[0] :]]
+        return {**state, "param_groups": [{**saved[0], "params": part} for part in parts]}
+
+    optimizer.register_load_state_dict_pre_hook(fit)
 
 
 def set_epsilon(group: dict[str, Any], epsilon: float | None) -> None:
     """Let a group of an optimizer have this ε; None for that of the optimizer.
 
     Raises:
-        ValueError: the optimizer has none.
+        ValueError: the optimizer has none, or another kind of it.
     """
     if epsilon is not None:
-        if "eps" not in group:
+        if not isinstance(group.get("eps"), float):
             raise ValueError("network_epsilon has no effect on an optimizer without an ε (eps): leave it out.")
         group.setdefault(_USUAL, group["eps"])
         group["eps"] = epsilon

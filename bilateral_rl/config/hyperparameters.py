@@ -50,8 +50,8 @@ class StreamHyperparameters:
     critic_rate_factor: Annotated[Number, Field(gt=0, le=1000)] = 1.0
     """Learning rate of the critics, in multiples of ``learning_rate``."""
     network_epsilon: Positive | None = None
-    """ε of the network's Adam; None for that of the optimizer. A larger one gives small gradients small steps, so that
-    hemispheres pull against each other more slowly."""
+    """ε of Adam (or RMSprop) for all but the critics; null for that of the optimizer. A larger one gives small
+    gradients small steps, so that hemispheres pull against each other more slowly."""
     action_traces: Annotated[tuple[Decay, ...], Field(max_length=MOST_TRACES)] = ()
     """Decays per step of running averages of past actions, which the critics see besides the observation."""
 

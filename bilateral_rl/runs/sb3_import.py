@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from gymnasium import spaces
 from stable_baselines3.common.save_util import load_from_zip_file
 
@@ -151,9 +152,9 @@ class SavedModel:
         values = {name: _number(stored.get(name), 1.0) for name in names}
         final = {name: _number(stored.get(name.removeprefix("final_")), 0.0) for name in names if "final_" in name}
         algorithm = ALGORITHM_CLASSES[algo]  # whose attributes are those of models from before there was a choice
-        others = {
-            name: self.data.get(name, getattr(algorithm, name, None)) for name in ("action_traces", "actor_value")
-        }
+        of_class = ("action_traces", "actor_value", "critic_rate_factor", "network_epsilon")
+        others = {name: self.data.get(name, getattr(algorithm, name, None)) for name in of_class}
+        others["use_rms_prop"] = self.data.get("policy_kwargs", {}).get("optimizer_class") is torch.optim.RMSprop
         if not any(group_penalties(self.data.get("loss", "combined"), None, self._penalty_weights).values()):
             values["weight_penalty"] = 0.0  # whatever it was, it had no effect
         chosen = values | final | {name: value for name, value in others.items() if name in names}

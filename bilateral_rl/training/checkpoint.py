@@ -15,7 +15,6 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.sb2_compat.rmsprop_tf_like import RMSpropTFLike
 from torch import Tensor, nn
 
 from bilateral_rl.envs.generators import generator_states, set_generator_states
@@ -32,11 +31,11 @@ UPDATE_RULES = 2
 RULES = "counter.update_rules"
 """The name of that count in a state."""
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
-_MOMENTS: dict[type[torch.optim.Optimizer], tuple[torch.dtype, set[str]]] = {
-    torch.optim.Adam: (torch.float32, {"exp_avg", "exp_avg_sq"}),
-    RMSpropTFLike: (torch.int64, {"square_avg"}),
+_MOMENTS: dict[type[torch.optim.Optimizer], set[str]] = {
+    torch.optim.Adam: {"exp_avg", "exp_avg_sq"},
+    torch.optim.RMSprop: {"square_avg"},
 }
-"""What the optimizers of our algorithms remember of each parameter: the type of their ``step``, and their moments."""
+"""The moments of each parameter that the optimizers of our algorithms remember, besides their ``step``."""
 
 
 def state_tensors(algorithm: BaseAlgorithm) -> Tensors:
@@ -174,17 +173,16 @@ def _optimizer_state(optimizer: torch.optim.Optimizer, stored: Tensors) -> dict[
     Raises ValueError for what is no state of such an optimizer.
     """
     parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
-    step_type, names = _MOMENTS[type(optimizer)]
+    names = _MOMENTS[type(optimizer)]
     state: dict[int, dict[str, Any]] = {}
     for key, tensor in stored.items():
         index, _, name = key.partition(".")
         if not index.isdecimal() or int(index) >= len(parameters) or name not in {"step", *names}:
             raise ValueError(f"it holds an unknown optimizer.{key}")
         if name == "step":
-            if tensor.ndim or tensor.dtype != step_type or not float(tensor) >= 0:
+            if tensor.ndim or tensor.dtype != torch.float32 or not float(tensor) >= 0:
                 raise ValueError(f"its optimizer.{key} is not a number of steps")
-            # SB3's RMSprop counts in Python.
-            state.setdefault(int(index), {})[name] = int(tensor) if step_type == torch.int64 else tensor
+            state.setdefault(int(index), {})[name] = tensor
             continue
         parameter = parameters[int(index)]
         if tensor.shape != parameter.shape or tensor.dtype != parameter.dtype:

@@ -346,6 +346,8 @@ def test_a_constant_of_the_arm_among_the_settings_is_told_its_place():
         ArmVecEnv(2, link_length=(0.3, 0.3))
     with pytest.raises(ValueError, match=r"'stiffness' among the settings; it is two_arms\.spring\.stiffness\."):
         ArmVecEnv(2, stiffness=0)
+    with pytest.raises(ValueError, match=r"it is losses\.dominant\.penalty or losses\.non_dominant\.penalty\."):
+        ArmVecEnv(2, penalty=0)
 
 
 def test_seeds_are_whole_numbers_of_any_kind():

@@ -1,5 +1,6 @@
 """Models that stable-baselines3 saved, as runs: whatever algorithm trained them, and only if they are trusted."""
 
+import copy
 import pickle
 import shutil
 import zipfile
@@ -42,7 +43,8 @@ def observations():
 
 def make(name, env=None, **values):
     algorithm, policy, arguments, _ = ALGORITHMS[name]
-    model = algorithm(policy, env or ArmVecEnv(4, "random_reach", seed=0), device="cpu", seed=5, **arguments | values)
+    arguments = copy.deepcopy(arguments | values)  # SB3's A2C writes its optimizer into the policy_kwargs it is given
+    model = algorithm(policy, env or ArmVecEnv(4, "random_reach", seed=0), device="cpu", seed=5, **arguments)
     for parameter in model.policy.parameters():  # as if trained
         parameter.data += 0.01 * parameter.requires_grad
     return model
@@ -119,6 +121,19 @@ def test_the_configuration_says_what_the_model_tells(call, tmp_path):
     assert (ppo.learning_rate, ppo.final_learning_rate) == pytest.approx((0.03, 0.01))
     assert (ppo.gamma, ppo.clip_range, ppo.n_steps, ppo.batch_size) == (0.9, 0.3, 5, 20)
     assert (config.task, config.seed, config.n_envs, config.trial.threshold) == ("hold_position", 5, 4, 0.02)
+
+
+@pytest.mark.parametrize(("name", "given", "rates"), [
+    ("A2C", {}, (1.0, None, True)),
+    ("A2C", {"use_rms_prop": False}, (1.0, None, False)),
+    ("HemisphericA2C", {"critic_rate_factor": 2.0, "network_epsilon": 0.1}, (2.0, 0.1, True)),
+])  # fmt: skip
+def test_the_configuration_has_the_rates_and_the_optimizer_of_the_model_not_our_defaults(
+    call, tmp_path, name, given, rates
+):
+    make(name, **given).save(tmp_path / "model")
+    a2c = imported(call, tmp_path).config().a2c
+    assert (a2c.critic_rate_factor, a2c.network_epsilon, a2c.use_rms_prop) == rates
 
 
 def test_every_command_takes_an_imported_model(call, tmp_path, saved):

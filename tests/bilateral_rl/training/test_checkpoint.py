@@ -79,6 +79,13 @@ def test_a_restored_training_goes_on_with_its_traces_in_the_middle_of_a_trial(al
     assert_goes_on_to_the_same_bits(algorithm, built(algo, **values, seed=5))
 
 
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_restored_training_goes_on_with_its_rates_and_whatever_optimizer(algo):
+    rates = {"critic_rate_factor": 3.0, "network_epsilon": 0.01}
+    values = {algo: rates | ({"use_rms_prop": True} if algo == "a2c" else {})}
+    assert_goes_on_to_the_same_bits(learned(algo, **values), built(algo, **values, seed=5))
+
+
 @pytest.mark.parametrize("algo", ["sac", "td3"])
 def test_a_buffer_of_the_whole_training_is_never_full(algo):
     algorithm = built(algo, **{algo: {"buffer_size": None, "gradient_steps": 1}})
