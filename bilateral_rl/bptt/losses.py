@@ -75,7 +75,8 @@ class StreamLosses:
         """Return the losses (streams, S) float64 of the rollout's last forward pass."""
         groups = rollout.groups()
         means = torch.cat([rollout.terms[group].mean((1, 2), dtype=torch.float64) for group in groups])  # (S, terms)
-        values = self.term_weights.to(means) @ means.t()
+        # No matrix product, whose last bits depend on the number of networks on some processors: (streams, S, terms).
+        values = (self.term_weights.to(means)[:, None] * means).sum(dim=2)
         if self._has_penalty:
             penalties = torch.cat([self._penalty(rollout, group) for group in groups])
             values = values + torch.outer(values.new_tensor(self.penalty_weights), penalties)

@@ -126,7 +126,7 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(invoke, tmp_p
         (["--grid", "epochs=1", "--metric", "beauty"], "Unknown metric 'beauty'"),
         (["--grid", "epochs=1", "--metric", "time_in_goal_4cm"], "No training of the sweep is measured by time_in_g"),
         (["--grid", "epochs=1", "--metric", "hold_speed"], "No training of the sweep is measured by hold_speed"),
-        (["--grid", "units=5"], "units is a setting of network"),
+        (["--grid", "units=5"], "Unknown setting 'units' among the settings; it is network.units."),
         (["--grid", "seeds=2,3", "--seeds", 2], "leave seeds out of --set and --grid"),
         (["--grid", "epochs=1", "--set", "seeds=2", "--seeds", 2], "leave seeds out of --set and --grid"),
         (["--grid", "seed=0,100", "--seeds", "0..4"], "names the first seed, and so does seed in --set or --grid"),
