@@ -26,7 +26,7 @@ from torch import Tensor, nn
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
 from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
-from bilateral_rl.algorithms.optimizer_groups import load_separated, separate, set_epsilon
+from bilateral_rl.algorithms.optimizer_groups import load_separated, separate, set_rates
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, check_one_reward
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.saved_models import check_saved_by
@@ -249,7 +249,7 @@ class Hemispheric(BaseAlgorithm):
             )
         self._freeze()
         self._set_rates()
-        for optimizer in self._separable_optimizers():
+        for optimizer in self._optimizers_of_policy():
             load_separated(optimizer, self._ids_of_critics())
         self._built_with = {name: getattr(self, name) for name in (*self.FIXED, "learning_rate")}
 
@@ -393,22 +393,18 @@ class Hemispheric(BaseAlgorithm):
         """Give critics their learning rate, and whatever is no critic's the network's ε."""
         critics = self._ids_of_critics()
         rate = self.critic_rate_factor * self.lr_schedule(self._current_progress_remaining)
-        for optimizer in self._separable_optimizers():
+        for optimizer in self._optimizers_of_policy():
             if self.critic_rate_factor != 1 or self.network_epsilon is not None:
                 separate(optimizer, critics)
-            for group in optimizer.param_groups:
-                if all(id(parameter) in critics for parameter in group["params"]):
-                    group["lr"] = rate
-                else:
-                    set_epsilon(group, self.network_epsilon)
+            set_rates(optimizer, critics, rate, self.network_epsilon)
 
     def _ids_of_critics(self) -> set[int]:
         groups = self._groups.items()
         return {id(parameter) for name, group in groups if name.startswith("critic_") for parameter in group}
 
     @abstractmethod
-    def _separable_optimizers(self) -> list[torch.optim.Optimizer]:
-        """Return the optimizers of network and critics."""
+    def _optimizers_of_policy(self) -> list[torch.optim.Optimizer]:
+        """Return what optimizes network and critics: one optimizer, or one for each."""
 
     def parameter_groups(self) -> dict[str, list[nn.Parameter]]:
         """Return every trained parameter by owner: the network's three groups, then ``critic_0``, ``critic_1``, …."""

@@ -284,10 +284,10 @@ class HemisphericOffPolicy(Hemispheric, OffPolicyAlgorithm):
         """Update critics, network and targets once."""
 
     def _optimizers(self) -> list[torch.optim.Optimizer]:
-        """Return all optimizers, which have one learning rate."""
-        return [self.policy.actor.optimizer, self.critic.optimizer]
+        """Return all optimizers, which follow one schedule."""
+        return self._optimizers_of_policy()
 
-    def _separable_optimizers(self) -> list[torch.optim.Optimizer]:
+    def _optimizers_of_policy(self) -> list[torch.optim.Optimizer]:
         return [self.policy.actor.optimizer, self.policy.critic.optimizer]
 
     def _next_values(self, batch: StreamSamples, next_actions: Tensor) -> Tensor:

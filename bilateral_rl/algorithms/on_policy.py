@@ -69,7 +69,7 @@ class HemisphericOnPolicy(Hemispheric, OnPolicyAlgorithm):
         if self.policy.motor_network.noise.std:
             self.rollout_buffer.keep_noise(self.policy.motor_network.hidden_shape)
 
-    def _separable_optimizers(self) -> list[torch.optim.Optimizer]:
+    def _optimizers_of_policy(self) -> list[torch.optim.Optimizer]:
         return [self.policy.optimizer]
 
     # --- collecting -------------------------------------------------------------------------------------------------

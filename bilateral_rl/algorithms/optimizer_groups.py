@@ -47,12 +47,22 @@ def load_separated(optimizer: torch.optim.Optimizer, critics: Container[int]) ->
     optimizer.register_load_state_dict_pre_hook(fit)
 
 
-def set_epsilon(group: dict[str, Any], epsilon: float | None) -> None:
-    """Let a group of an optimizer have this ε; None for that of the optimizer.
+def set_rates(
+    optimizer: torch.optim.Optimizer, critics: Container[int], critics_rate: float, epsilon: float | None
+) -> None:
+    """Give groups of critics alone their learning rate, and all others the ε ``epsilon``; None for the optimizer's.
 
     Raises:
-        ValueError: the optimizer has none, or another kind of it.
+        ValueError: an ε for an optimizer that has none.
     """
+    for group in optimizer.param_groups:
+        if all(id(parameter) in critics for parameter in group["params"]):
+            group["lr"] = critics_rate
+        else:
+            _set_epsilon(group, epsilon)
+
+
+def _set_epsilon(group: dict[str, Any], epsilon: float | None) -> None:
     if epsilon is not None:
         if not isinstance(group.get("eps"), float):
             raise ValueError("network_epsilon has no effect on an optimizer without an ε (eps): leave it out.")
