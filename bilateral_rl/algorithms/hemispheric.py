@@ -7,7 +7,6 @@ import io
 import pathlib
 import warnings
 from abc import abstractmethod
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.preprocessing import get_action_dim
-from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, TensorDict
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import Tensor, nn
@@ -26,18 +24,23 @@ from torch import Tensor, nn
 from bilateral_rl.algorithms.action_traces import ActionTraces, checked_decays
 from bilateral_rl.algorithms.arguments import EVERY, Check, arguments_of_load, checked
 from bilateral_rl.algorithms.finite import check_actions, check_observations, check_policy
+from bilateral_rl.algorithms.normalized_observations import other_normalization
 from bilateral_rl.algorithms.optimizer_groups import load_separated, separate, set_rates
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, check_one_reward
 from bilateral_rl.algorithms.routing import add_weight_penalty, assign_routed_gradients, policy_shares
 from bilateral_rl.algorithms.saved_models import check_saved_by
 from bilateral_rl.algorithms.schedules import linear_schedule
+from bilateral_rl.algorithms.side_logs import (
+    Log,
+    name_stream_returns,
+    record_averages,
+    record_combination,
+    record_stream_returns,
+)
 from bilateral_rl.policies import MotorPolicy
 from bilateral_rl.policies.motor_policy import check_commands
 from bilateral_rl.policies.sb3_arguments import available
-from bilateral_rl.vocabulary import PENALTY_WEIGHTS, SIDES, Group, Loss, group_penalties, stream_mix, stream_names
-
-Log = defaultdict[str, list[Tensor]]
-"""Measurements by name, an entry for each update: a number (), or one a stream (n_streams,)."""
+from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss, group_penalties, stream_mix, stream_names
 
 _STATE_DEPENDENT_EXPLORATION = {"use_sde": False, "sde_sample_freq": -1, "use_sde_at_warmup": False}
 """Arguments of SB3 that mean nothing without gSDE, with the one value that each may have."""
@@ -184,20 +187,10 @@ class Hemispheric(BaseAlgorithm):
 
     def _tell_normalization(self) -> None:
         """Warn where observations will not be normalized as those were that the model was trained on."""
-        normalizer = self._vec_normalize_env
-        normalizes = normalizer is not None and normalizer.norm_obs
-        if self.env is None or self.normalized_observations is None:
-            return
-        if self.normalized_observations and not normalizes:
-            lost = "its environment does not: wrap it by VecNormalize.load(file, env), of the file that env.save wrote"
-        elif self.normalized_observations and _is_new(normalizer):
-            lost = "its environment begins with no statistics: load those of before by VecNormalize.load(file, env)"
-        elif normalizes and not self.normalized_observations:
-            lost = "its environment does: wrap it by VecNormalize(env, norm_obs=False), or not at all"
-        else:
-            return
-        trained = "" if self.normalized_observations else " not"
-        warnings.warn(f"the model was{trained} trained on normalized observations, and {lost}.", stacklevel=3)
+        if self.env is not None and (
+            warning := other_normalization(self.normalized_observations, self._vec_normalize_env)
+        ):
+            warnings.warn(warning, stacklevel=3)
 
     @classmethod
     def constructor_arguments(
@@ -430,30 +423,16 @@ class Hemispheric(BaseAlgorithm):
     # --- logs -------------------------------------------------------------------------------------------------------
 
     def _update_info_buffer(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_] | None = None) -> None:
-        _name_stream_returns(infos)
+        name_stream_returns(infos)
         super()._update_info_buffer(infos, dones)
 
     def _log_stream_returns(self) -> None:
-        """Log the mean return of each side's reward over the last trials."""
         assert self.ep_info_buffer is not None
-        for side in SIDES:
-            returns = [info[side] for info in self.ep_info_buffer if side in info]
-            if returns:
-                self.logger.record(f"return/{side}", float(np.mean(returns)))
+        record_stream_returns(self.logger, self.ep_info_buffer)
 
-    def _log_averages(self, log: Mapping[str, Sequence[Tensor]]) -> None:
-        """Log averages over the updates: numbers by their name, (n_streams,) tensors as one number a stream."""
-        for name, values in log.items():
-            average = torch.stack(list(values)).mean(dim=0).cpu()
-            if average.ndim:
-                for stream, value in zip(stream_names(self.loss), average.tolist(), strict=True):
-                    self.logger.record(f"{name}/{stream}", value)
-            else:
-                self.logger.record(name, average.item())
-        network = self.policy.motor_network
-        for name, weight in network.combination_weights().items():
-            if network.trained_combination is not False:  # what is fixed is no news
-                self.logger.record(f"combination/{name}", weight)
+    def _log_averages(self, log: Log) -> None:
+        record_averages(self.logger, log, stream_names(self.loss))
+        record_combination(self.logger, self.policy.motor_network)
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
 
 
@@ -483,16 +462,3 @@ def _of_as_many_arms(policy_kwargs: dict[str, Any], env: VecEnv | None) -> dict[
             "environment of another task."
         )
     return policy_kwargs | ({"n_arms": told} if told > 1 else {})
-
-
-def _is_new(normalizer: VecNormalize | None) -> bool:
-    """Whether it has seen no observation yet."""
-    return normalizer is not None and isinstance(normalizer.obs_rms, RunningMeanStd) and normalizer.obs_rms.count < 1
-
-
-def _name_stream_returns(infos: Sequence[dict[str, Any]]) -> None:
-    """Put the sides' returns where SB3 keeps episode statistics; a Monitor in between leaves them out."""
-    for info in infos:
-        if "episode" in info and "vector_return" in info:
-            dominant, non_dominant = (float(value) for value in info["vector_return"])
-            info["episode"] |= {"dominant": dominant, "non_dominant": non_dominant}

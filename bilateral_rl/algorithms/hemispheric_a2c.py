@@ -11,8 +11,8 @@ from stable_baselines3 import A2C
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.type_aliases import GymEnv, Schedule
 
-from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
+from bilateral_rl.algorithms.side_logs import Log
 from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss
 

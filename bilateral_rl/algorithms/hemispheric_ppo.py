@@ -14,8 +14,8 @@ from stable_baselines3.common.type_aliases import GymEnv, Schedule
 from stable_baselines3.common.utils import FloatSchedule
 from torch import Tensor
 
-from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.on_policy import HemisphericOnPolicy
+from bilateral_rl.algorithms.side_logs import Log
 from bilateral_rl.algorithms.stream_rollout import StreamBatch
 from bilateral_rl.policies import BilateralActorCriticPolicy
 from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss

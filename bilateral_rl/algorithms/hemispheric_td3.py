@@ -14,8 +14,8 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, Schedule
 from stable_baselines3.common.utils import polyak_update
 
-from bilateral_rl.algorithms.hemispheric import Log
 from bilateral_rl.algorithms.off_policy import ActorValue, HemisphericOffPolicy
+from bilateral_rl.algorithms.side_logs import Log
 from bilateral_rl.algorithms.stream_replay import StreamSamples
 from bilateral_rl.policies.off_policy import TD3_ALIASES, BilateralTD3Policy
 from bilateral_rl.vocabulary import PENALTY_WEIGHTS, Group, Loss

@@ -26,8 +26,9 @@ from torch import Tensor, nn
 
 from bilateral_rl.algorithms.arguments import OFF_POLICY
 from bilateral_rl.algorithms.finite import check_observations
-from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
+from bilateral_rl.algorithms.hemispheric import Hemispheric
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, outermost_pairs
+from bilateral_rl.algorithms.side_logs import Log
 from bilateral_rl.algorithms.stream_replay import StreamReplayBuffer, StreamSamples, check_fits
 from bilateral_rl.algorithms.stream_scale import StreamScale, penalty_scales
 from bilateral_rl.policies import MotorPolicy

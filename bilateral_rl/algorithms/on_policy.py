@@ -19,10 +19,11 @@ from torch import Tensor
 
 from bilateral_rl.algorithms.arguments import ON_POLICY
 from bilateral_rl.algorithms.finite import check_observations
-from bilateral_rl.algorithms.hemispheric import Hemispheric, Log
+from bilateral_rl.algorithms.hemispheric import Hemispheric
 from bilateral_rl.algorithms.outer_rewards import RewardPairs, gives_pairs, outermost_pairs, own_pairs
 from bilateral_rl.algorithms.routing import clip_group_gradients
 from bilateral_rl.algorithms.schedules import linear_schedule
+from bilateral_rl.algorithms.side_logs import Log
 from bilateral_rl.algorithms.stream_rollout import StreamBatch, StreamRolloutBuffer
 from bilateral_rl.algorithms.stream_scale import penalty_scales
 from bilateral_rl.policies import POLICY_ALIASES, BilateralActorCriticPolicy
