@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from bilateral_rl.analysis.protocols import RETRAINED, Protocol
@@ -156,12 +157,13 @@ def by_seed(results: pd.DataFrame, metric: str, state: State) -> pd.Series:
     Raises:
         UserError: the results hold several values of one seed.
     """
-    rows = results
+    rows = np.arange(len(results))
     wanted = {"metric": metric, "protocol": state.protocol, "model": state.model, "task": state.task,
               "lesion": state.lesion, "network": state.network}  # fmt: skip
     for column, value in wanted.items():  # one after the other: what is left is soon a small part of a large table
-        rows = rows[rows[column] == value]
-    values = rows.set_index("seed")["value"].sort_index()
+        rows = rows[np.asarray(results[column].array[rows] == value)]
+    seeds = pd.Index(results["seed"].array[rows], name="seed")
+    values = pd.Series(results["value"].array[rows], index=seeds, name="value").sort_index()
     if values.index.has_duplicates:
         raise UserError(
             f"The results hold several values of {metric} in {state.task} for seed "

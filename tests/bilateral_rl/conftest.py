@@ -1,9 +1,11 @@
+import functools
 import itertools
 import shutil
 import sys
 
 import pytest
 import torch
+import typer
 from rich.console import Console
 from rl_runs import small_rl
 
@@ -129,11 +131,16 @@ def same_bits():
     return _same_bits
 
 
+_command_line = functools.cache(typer.main.get_command)
+"""All commands and their options, which take 40 ms to build; a process of its own needs them once."""
+
+
 @pytest.fixture
 def call(tmp_path, monkeypatch, capsys):
     """Calls the command in a folder of its own, on a terminal of 80 columns: its exit code, output and errors."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cli, "console", Console(width=80))
+    monkeypatch.setattr(typer.main, "get_command", _command_line)
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["bilateral-rl", *map(str, arguments)])
