@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pandas as pd
 import pytest
-from processes import TIMEOUT, CopiedSeed, finished, started, wait_until
+from processes import TIMEOUT, CopiedSeed, started, wait_until
 from rl_runs import differences, small_rl
 from supervised_runs import Watch, with_values
 
@@ -121,7 +121,7 @@ def test_more_timesteps_that_are_stopped_in_between_bring_what_they_bring_each_s
         assert differences(child(folder, seed), expected) == []
 
 
-def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path):
+def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path, call):
     path, output = tmp_path / "random_reach" / "cc_s-ppo-1", tmp_path / "output"
     source = watched[0].folder.path / "config.yaml"
     with started("train", "--config", source, "--out", tmp_path, output=output) as process:
@@ -135,8 +135,8 @@ def test_no_process_outlives_a_killed_training_and_it_goes_on(watched, tmp_path)
         time.sleep(0.05)
     text = output.read_text()
     assert "1,600 steps over 8 arms, seeds 103 to 104 side by side" in " ".join(text.split())
-    code, text = finished("train", "--resume", path, output=output)
-    assert code == 0, text
+    code, text, errors = call("train", "--resume", path)
+    assert code == 0, errors
     assert re.search(r"steps of all seeds, seed 10[34]: goal", text)  # one of the two may have ended before the other
     assert "mean ± standard deviation over 2 seeds" in " ".join(text.split())
     for seed in SEEDS:
