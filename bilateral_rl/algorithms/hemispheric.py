@@ -187,10 +187,9 @@ class Hemispheric(BaseAlgorithm):
 
     def _tell_normalization(self) -> None:
         """Warn where observations will not be normalized as those were that the model was trained on."""
-        if self.env is not None and (
-            warning := other_normalization(self.normalized_observations, self._vec_normalize_env)
-        ):
-            warnings.warn(warning, stacklevel=3)
+        other = other_normalization(self.normalized_observations, self._vec_normalize_env)
+        if self.env is not None and other:
+            warnings.warn(other, stacklevel=3)
 
     @classmethod
     def constructor_arguments(

@@ -13,9 +13,9 @@ def other_normalization(trained: bool | None, normalizer: VecNormalize | None) -
         trained: whether the model was trained on normalized observations; None if that is not known yet.
         normalizer: the ``VecNormalize`` of its present environment, if that has one.
     """
-    normalizes = normalizer is not None and normalizer.norm_obs
     if trained is None:
         return None
+    normalizes = normalizer is not None and normalizer.norm_obs
     if trained and not normalizes:
         lost = "its environment does not: wrap it by VecNormalize.load(file, env), of the file that env.save wrote"
     elif trained and _is_new(normalizer):
